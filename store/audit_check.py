@@ -388,10 +388,8 @@ def _compare(last: Head, noted: Head) -> None:
             last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
         )
     if noted != last:
-        raise Fault(
-            noted.seq,
-            f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten",
-        )
+        message = f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten"
+        raise Fault(noted.seq, message)
 
 
 def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None:

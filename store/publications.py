@@ -210,10 +210,8 @@ class PrintedCertificate(Record):
 def keep_issued(session: Session, publication: Publication, printed: PrintedCertificate) -> None:
     """Issue a printed certificate with its publication; whoever publishes holds the lock of its slot."""
     if len(list_issued(session, publication.calibration_id)) != printed.row.amendment:
-        raise database.Conflict(
-            interface.CONFLICT,
-            "Another request has just published this version. Look at it, and publish again.",
-        )
+        message = "Another request has just published this version. Look at it, and publish again."
+        raise database.Conflict(interface.CONFLICT, message)
     files.keep_blobs(session, printed.files)
     printed.row.calibration_id, printed.row.publication_id = publication.calibration_id, publication.id
     session.add(printed.row)

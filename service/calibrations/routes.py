@@ -243,10 +243,8 @@ def _read_params(
     exclusions = []
     for index, exclusion in enumerate(request.exclude or []):
         if exclusion.frame_id not in evidence.names:
-            raise Problem(
-                interface.VALIDATION_FAILED,
-                f"exclude.{index}.frame_id: this campaign has no such frame in use.",
-            )
+            detail = f"exclude.{index}.frame_id: this campaign has no such frame in use."
+            raise Problem(interface.VALIDATION_FAILED, detail)
         name = evidence.names[exclusion.frame_id]
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.named))
     said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))

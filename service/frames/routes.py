@@ -203,23 +203,16 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
 
 def require_preview(frame: FrameRow) -> str:
     if frame.preview_sha256 is None:
-        raise Problem(
-            interface.PREVIEW_NOT_READY,
-            "This frame has no preview: it has not been read yet, or it was refused.",
-            retryable=frame.state == "received",
-        )
+        detail = "This frame has no preview: it has not been read yet, or it was refused."
+        raise Problem(interface.PREVIEW_NOT_READY, detail, retryable=frame.state == "received")
     return frame.preview_sha256
 
 
 def require_header(frame: FrameRow) -> dict[str, Any]:
     """Return the metadata of a frame that has been read, as one that was refused for its region has."""
     if frame.header is None:
-        raise Problem(
-            shared.FRAME_NOT_READ,
-            f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
-            status=409,
-            retryable=frame.state == "received",
-        )
+        detail = f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it."
+        raise Problem(shared.FRAME_NOT_READ, detail, status=409, retryable=frame.state == "received")
     return frame.header
 
 

@@ -80,10 +80,8 @@ class Writing:
             return None
         earlier = session.get(IdempotentAnswer, (caller.organisation_id, self._key))
         if earlier is not None and earlier.fingerprint != self._digest():
-            raise problems.Problem(
-                interface.IDEMPOTENCY_KEY_REUSED,
-                "This Idempotency-Key was used for another request. Use a new one for each new request.",
-            )
+            detail = "This Idempotency-Key was used for another request. Use a new one for each new request."
+            raise problems.Problem(interface.IDEMPOTENCY_KEY_REUSED, detail)
         return earlier
 
     def _digest(self) -> str:

@@ -141,10 +141,8 @@ def problem_body(
 
 
 def not_found(what: str) -> Problem:
-    return Problem(
-        interface.NOT_FOUND,
-        f"There is no such {what}. Check the id, and that your key is of the organisation that owns it.",
-    )
+    detail = f"There is no such {what}. Check the id, and that your key is of the organisation that owns it."
+    return Problem(interface.NOT_FOUND, detail)
 
 
 def install(app: FastAPI) -> None:

@@ -250,10 +250,8 @@ def _announced_sha256(request: Request) -> str | None:
 
 
 def _bad_digest() -> problems.Problem:
-    return problems.Problem(
-        interface.BAD_REQUEST,
-        "The announced hash is not a SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
-    )
+    detail = "The announced hash is not a SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256."
+    return problems.Problem(interface.BAD_REQUEST, detail)
 
 
 def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> problems.Problem:

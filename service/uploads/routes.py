@@ -228,20 +228,15 @@ def _begin(
         raise problems.not_found("upload")
     kept = partial.read_facts()
     if any(getattr(kept, name) != getattr(facts, name) for name in _OF_THE_FILE):
-        raise problems.Problem(
-            interface.IDEMPOTENCY_KEY_REUSED,
-            "This Idempotency-Key was used for another request. Use a new one for each new request.",
-        )
+        detail = "This Idempotency-Key was used for another request. Use a new one for each new request."
+        raise problems.Problem(interface.IDEMPOTENCY_KEY_REUSED, detail)
     return f"upl_{caller.organisation_id.removeprefix('org_')}_{token}", partial
 
 
 def _refuse_too_many(under_way: int) -> None:
     if under_way >= _MOST_UNDER_WAY:
-        raise problems.Problem(
-            interface.TOO_MANY_UPLOADS,
-            f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
-            headers={"Retry-After": "60"},
-        )
+        detail = f"Your organisation has {under_way} unfinished uploads. Finish or end some."
+        raise problems.Problem(interface.TOO_MANY_UPLOADS, detail, headers={"Retry-After": "60"})
 
 
 def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:

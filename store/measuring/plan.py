@@ -40,10 +40,9 @@ class Captures:
         found = self._of_campaign(frame.campaign_id).get((capture_id, band)) if capture_id else None
         if found is None:
             there = ", ".join(sorted(self.list_bands(frame)))
-            raise InputRejected(
-                shared.CAPTURE_INCOMPLETE,
+            raise shared.CAPTURE_INCOMPLETE.reject(
                 f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs "
-                f"to, or it has not been read yet; there are {there or 'none'}. Upload the other files.",
+                f"to, or it has not been read yet; there are {there or 'none'}. Upload the other files."
             )
         return self._session.get_one(FrameRow, found)
 
@@ -76,16 +75,12 @@ def require_read(frame: FrameRow, method: str) -> None:
             shared.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
         )
     if frame.header is None:
-        raise InputRejected(
-            shared.FRAME_NOT_READ,
-            f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
-        )
+        message = f"Frame {frame.filename} has not been read yet: wait for its job and ask again."
+        raise shared.FRAME_NOT_READ.reject(message)
     application = get_method(method).application
     if frame.exposure is None and (application is None or application.needs_exposure):
-        raise InputRejected(
-            shared.EXPOSURE_MISSING,
-            f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
-        )
+        message = f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in."
+        raise shared.EXPOSURE_MISSING.reject(message)
 
 
 def read_proof(frame: FrameRow) -> Proof | None:
@@ -96,11 +91,10 @@ def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) 
     """Refuse a frame with an empty part, unless somebody has asked for it by the flag's name."""
     if proof is None or not proof.wholeness.empty or shared.IMAGE_PART_EMPTY in allowed:
         return
-    raise InputRejected(
-        shared.IMAGE_PART_EMPTY,
+    raise shared.IMAGE_PART_EMPTY.reject(
         f"Frame {frame.filename}: {proof.describe_doubt(decode_header(frame.header or {}))}. Copy the file "
         f"from the card again. To measure it as it is, ask with allow=[{shared.IMAGE_PART_EMPTY}]: "
-        "the measurement then carries that flag.",
+        "the measurement then carries that flag."
     )
 
 
@@ -210,10 +204,9 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
     """Refuse the options of other methods, instead of ignoring them."""
     if get_method(method).application is None:
         able = ", ".join(spec.name for spec in METHODS if spec.application)
-        raise InputRejected(
-            shared.OPTION_NOT_OF_METHOD,
+        raise shared.OPTION_NOT_OF_METHOD.reject(
             f"A frame of a {method} campaign has nothing to be measured. Upload it with role=field to a "
-            f"campaign of one of these methods: {able}.",
+            f"campaign of one of these methods: {able}."
         )
     foreign = [
         name
@@ -223,10 +216,8 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
         and (name in asked.conditions or getattr(asked, name, None) is not None)
     ]
     if foreign:
-        raise InputRejected(
-            shared.OPTION_NOT_OF_METHOD,
-            f"{', '.join(foreign)}: no option of a {method} measurement. Leave it out.",
-        )
+        message = f"{', '.join(foreign)}: no option of a {method} measurement. Leave it out."
+        raise shared.OPTION_NOT_OF_METHOD.reject(message)
 
 
 def _plan_surface(
@@ -290,10 +281,9 @@ def _require_picture(
         read_applied(calibration), height_px=header["height_px"], width_px=header["width_px"]
     )
     if "map" not in asked.products or asked.polygon is not None:
-        raise InputRejected(
-            shared.OPTION_NOT_OF_METHOD,
+        raise shared.OPTION_NOT_OF_METHOD.reject(
             f"What {calibration.method} gives of a frame is its whole {application.quantity}: ask for "
-            "products=[map], without a region.",
+            "products=[map], without a region."
         )
 
 
@@ -378,7 +368,6 @@ def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: A
         return Polygon.from_points(roi.points), "frame" if frame.roi_id else "campaign"
     if isinstance(application, BandApplication):
         return whole_frame_of(frame), "whole_frame"
-    raise InputRejected(
-        shared.REGION_MISSING,
-        f"Neither the request nor frame {frame.filename} nor its campaign has a region: send roi or set one.",
+    raise shared.REGION_MISSING.reject(
+        f"Neither the request nor frame {frame.filename} nor its campaign has a region: send roi or set one."
     )

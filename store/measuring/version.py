@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, select, true
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, interface, shared
+from radiometry.findings import interface, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
@@ -31,10 +31,9 @@ def choose_version(
         held, why = _find_in_force(session, frame, campaign)
         return held.calibration, "in_force", why
     if named.camera_id != campaign.camera_id:
-        raise InputRejected(
-            shared.WRONG_CAMERA,
+        raise shared.WRONG_CAMERA.reject(
             f"Frame {frame.filename} was taken by another camera than calibration {named.id} is for. "
-            "Name a calibration of the frame's camera, or leave calibration_id out.",
+            "Name a calibration of the frame's camera, or leave calibration_id out."
         )
     if named.method != campaign.method:
         raise Conflict(
@@ -150,16 +149,13 @@ def choose_falloff(
     lights = list(_list_lights(session, evidence, params))
     chosen = named or _find_corrector_in_force(session, campaign, corrector, lights)
     if chosen.camera_id != campaign.camera_id:
-        raise InputRejected(
-            shared.WRONG_CAMERA,
+        raise shared.WRONG_CAMERA.reject(
             f"{corrector.capitalize()} {chosen.id} is of another camera than this campaign. "
-            "Name a version of its own.",
+            "Name a version of its own."
         )
     if chosen.method != corrector:
-        raise Conflict(
-            interface.METHOD_MISMATCH,
-            f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}.",
-        )
+        message = f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}."
+        raise Conflict(interface.METHOD_MISMATCH, message)
     _refuse_revoked(session, chosen)
     for light in lights:
         lens = _read_correction(corrector).lens(

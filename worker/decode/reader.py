@@ -287,8 +287,7 @@ def _check_inside(window: Window, header: FrameHeader) -> None:
     row_end, col_end = window.row0 + window.height, window.col0 + window.width
     fits = row_end <= header.height_px and col_end <= header.width_px
     if not (fits and min(window) >= 0 and window.height > 0 and window.width > 0):
-        raise InputRejected(
-            shared.ROI_OUTSIDE_FRAME,
+        raise shared.ROI_OUTSIDE_FRAME.reject(
             f"The region reaches beyond the image's {header.width_px} x {header.height_px} pixels. "
-            "Draw it inside the image.",
+            "Draw it inside the image."
         )
