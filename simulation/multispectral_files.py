@@ -207,12 +207,8 @@ def write_rig(path: Path, shot: Taken) -> None:
 
 
 def _describe_micasense(band: multispectral.Multispectral, light: multispectral.SunshineIrradiance) -> Values:
-    model, lens, radial, flat = (
-        band.radiance_model,
-        band.geometry,
-        band.radial_vignetting,
-        band.vignetting_polynomial,
-    )
+    model, lens = band.radiance_model, band.geometry
+    radial, flat = band.radial_vignetting, band.vignetting_polynomial
     assert model is not None  # noqa: S101  every simulated rig has these
     assert lens is not None  # noqa: S101
     assert lens.pixels_per_mm is not None  # noqa: S101

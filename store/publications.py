@@ -113,16 +113,12 @@ def overlaps(earliest: datetime, latest: datetime) -> ColumnElement[bool]:
 
 def _lock_slot(session: Session, calibration: Calibration) -> Slot:
     configuration = json.dumps(calibration.configuration, sort_keys=True)
-    where = (
-        (Slot.camera_id == calibration.camera_id)
-        & (Slot.method == calibration.method)
-        & (Slot.configuration == configuration)
-    )
+    of = {"camera_id": calibration.camera_id, "method": calibration.method, "configuration": configuration}
     # the version's own row is locked first: two first publications would otherwise both make the slot
     first = select(Calibration.id).filter_by(camera_id=calibration.camera_id).order_by(Calibration.version)
     session.execute(first.limit(1).with_for_update())
-    if (slot := session.scalar(select(Slot).where(where).with_for_update())) is None:
-        slot = Slot(camera_id=calibration.camera_id, method=calibration.method, configuration=configuration)
+    if (slot := session.scalar(select(Slot).filter_by(**of).with_for_update())) is None:
+        slot = Slot(**of)
         session.add(slot)
         session.flush()
     return slot

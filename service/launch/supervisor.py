@@ -275,11 +275,8 @@ class Supervisor:
         if child.part.has_pulse:
             added["STILB_PULSE"] = str(child.pulse)
         # What its predecessor left there is not its own beat.
-        child.beat, child.seen_at, child.patience_s = (
-            read_beat(child.pulse),
-            self._clock.now_s,
-            START_WITHIN_S,
-        )
+        child.beat, child.seen_at = read_beat(child.pulse), self._clock.now_s
+        child.patience_s = START_WITHIN_S
         if child.part.run is not None:
             child.process = child.part.run()
             return

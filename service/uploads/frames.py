@@ -368,12 +368,9 @@ def _add_frames(caller: auth.Caller, session: Session, arrivals: Sequence[_Arriv
     for arrival, (campaign, new), (frame, is_new, to_read) in zip(
         arrivals, arrived, find_or_add_frames(session, arrived), strict=True
     ):
-        by = caller.key_id
-        jobs = (
-            [enqueue_extraction(session, frame, caller.organisation_id, by=by, is_new=is_new)]
-            if to_read
-            else []
-        )
+        jobs, by = [], caller.key_id
+        if to_read:
+            jobs = [enqueue_extraction(session, frame, caller.organisation_id, by=by, is_new=is_new)]
         stored = new.blob if is_new else None
         body = answer_write(session, frame, campaign, jobs, stored=stored)
         status, sizes = (200, []) if stored is None else (201, [stored.size_bytes])

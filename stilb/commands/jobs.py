@@ -50,12 +50,10 @@ def events(
     A campaign is followed until Ctrl-C. With --json each line is one JSON document.
     """
     with output.client() as client:
-        is_job = followed.startswith("job_")
-        found = (
-            client.job_events(followed)
-            if is_job
-            else client.campaign_events(client.find_campaign(followed).id)
-        )
+        if followed.startswith("job_"):
+            found = client.job_events(followed)
+        else:
+            found = client.campaign_events(client.find_campaign(followed).id)
         for event in found:
             typer.echo(
                 json.dumps(event) if output.as_json else " ".join(f"{value}" for value in event.values())

@@ -236,19 +236,13 @@ def _measure_centre(file: BinaryIO, tags: Mapping[str, Any]) -> float | None:
             return [int(value) for value in tag.values] if tag else [] if usual is None else [usual]
 
         (kind, *_), (bits, *_) = read("PhotometricInterpretation", -1), read("BitsPerSample", 1)
-        strips, (width, *_), (height, *_) = (
-            read("StripOffsets"),
-            read("ImageWidth", 0),
-            read("ImageLength", 0),
-        )
+        strips, (width, *_) = read("StripOffsets"), read("ImageWidth", 0)
+        (height, *_) = read("ImageLength", 0)
         plain = read("Compression", 1)[0] == _UNCOMPRESSED and read("SamplesPerPixel", 1)[0] == 1
         if not (plain and bits == _WORD_BITS and kind in {_MOSAIC, _GREY} and strips and width and height):
             continue
-        (black, *_), (white, *_), (rows, *_) = (
-            read("BlackLevel", 0),
-            read(_WHITE_LEVEL, 65535),
-            read("RowsPerStrip", height),
-        )
+        (black, *_), (white, *_) = read("BlackLevel", 0), read(_WHITE_LEVEL, 65535)
+        (rows, *_) = read("RowsPerStrip", height)
         first, count = width // 3, math.ceil(2 * width / 3) - width // 3
         file.seek(0)
         order = ">" if file.read(2) == b"MM" else "<"

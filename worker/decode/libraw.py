@@ -55,12 +55,8 @@ class LibRawFile:
     def visible(self) -> layout.Area:
         """As LibRaw sees it: it moves odd margins to even ones."""
         sizes = self._raw.sizes
-        return layout.Area(
-            sizes.top_margin,
-            sizes.left_margin,
-            sizes.top_margin + sizes.height,
-            sizes.left_margin + sizes.width,
-        )
+        top, left = sizes.top_margin, sizes.left_margin
+        return layout.Area(top, left, top + sizes.height, left + sizes.width)
 
     def _decode(self, content: bytes, area: layout.Area) -> NDArray[np.uint16]:
         mosaic = _unpack(self._raw, _FILLS[0])

@@ -320,11 +320,9 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         _store_extraction(session, subject, frame, roi, found.extracted)
     now = frames.current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
-    extraction = (
-        frames.find_extraction(session, frame, now, frames.extractor_of(campaign))
-        if now is not None
-        else None
-    )
+    extraction = None
+    if now is not None:
+        extraction = frames.find_extraction(session, frame, now, frames.extractor_of(campaign))
     frame.state = "read" if extraction is None else "extracted"
     if extraction is not None and extraction.features is not None:
         room = methods.get_method(campaign.method)
