@@ -135,9 +135,7 @@ def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) ->
         return _answer(session, owned(session, Calibration, calibration_id, caller)).respond()
 
 
-@router.get(
-    "/calibrations/{calibration_id}/points.csv", response_class=Response, responses=sends_file("text/csv")
-)
+@router.get("/calibrations/{calibration_id}/points.csv", **sends_file("text/csv"))
 def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """Every point of the fit, used or left out, a line each.
 
@@ -151,9 +149,7 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
     )
 
 
-@router.get(
-    "/calibrations/{calibration_id}/plot.svg", response_class=Response, responses=sends_file("image/svg+xml")
-)
+@router.get("/calibrations/{calibration_id}/plot.svg", **sends_file("image/svg+xml"))
 async def get_plot_svg(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
@@ -341,11 +337,7 @@ def _add(method: str, export: Export) -> None:
     )
     send.__annotations__["query"] = Annotated[form, Query()]
     send.__name__, send.__doc__ = export.operation, export.description
-    stated: dict[str, Any] = (
-        {"response_model": answer, "responses": {**answers.UNCHANGED, **answers.problems(404)}}
-        if answer
-        else {"response_class": Response, "responses": answers.sends_file(export.media_type)}
-    )
+    stated: dict[str, Any] = answers.sends(answer, 404) if answer else answers.sends_file(export.media_type)
     add: Callable[..., Any] = exports_router.get(f"/{export.filename}", **stated)
     add(send)
 

@@ -16,7 +16,7 @@ from radiometry.specification.roles import Gap
 from service.frames import pictures, routes
 from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
 from service.http import auth, connections, models, operations, paging
-from service.http.answers import UNCHANGED, not_modified, problems, standing_headers
+from service.http.answers import not_modified, problems, sends, standing_headers
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
@@ -95,7 +95,7 @@ router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"]
 _MOST_FRAMES = 5000
 
 
-@router.get("/grid", response_model=CampaignGridAnswer, responses={**UNCHANGED, **problems(404)})
+@router.get("/grid", **sends(CampaignGridAnswer, 404))
 def get_campaign_grid(
     campaign_id: Id,
     request: Request,

@@ -173,9 +173,7 @@ async def _body(request: Request, _caller: auth.Uploader) -> bytes:
 
 @router.post(
     "/campaigns/{campaign_id}/points",
-    status_code=201,
-    response_model=PointsAnswer,
-    responses=answers.had_already(PointsAnswer, "The campaign has these rows already.", 400, 409, 507),
+    **answers.makes(PointsAnswer, "The campaign has these rows already.", 400, 409, 507),
     openapi_extra={"requestBody": {"required": True, "content": _TABLE}},
 )
 def add_points(

@@ -176,9 +176,7 @@ router = operations.Router(prefix="/v1", tags=["coefficients"])
 ready_router = operations.Router(prefix="/v1", tags=["coefficients"], route_class=AnswersReady)
 
 
-@ready_router.get(
-    "/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=answers.UNCHANGED
-)
+@ready_router.get("/cameras/{camera_id}/coefficients", **answers.sends(CoefficientsAnswer))
 async def get_coefficients(
     camera_id: lookup.Id, wanted: Asked, request: Request, caller: Reader, context: UsesContext
 ) -> Response:

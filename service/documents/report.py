@@ -250,7 +250,7 @@ router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["me
 _LINES = 'fill="none" stroke="#ffffff" stroke-opacity="0.9"'
 
 
-@router.get("/report.pdf", response_class=Response, responses=answers.sends_stored_file("application/pdf"))
+@router.get("/report.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_measurement_report(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:

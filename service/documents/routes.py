@@ -45,11 +45,7 @@ class DccOptions(Chosen):
     )
 
 
-@router.get(
-    "/certificate.json",
-    response_model=schemas.CertificateAnswer,
-    responses={**answers.UNCHANGED, **answers.problems(404, 416, 500)},
-)
+@router.get("/certificate.json", **answers.sends(schemas.CertificateAnswer, 404, 416, 500))
 async def get_certificate(
     calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -70,9 +66,7 @@ async def get_certificate(
     return await run_in_threadpool(send)
 
 
-@router.get(
-    "/certificate.pdf", response_class=Response, responses=answers.sends_stored_file("application/pdf")
-)
+@router.get("/certificate.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_certificate_pdf(
     calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -98,7 +92,7 @@ async def get_certificate_pdf(
     return await send_pdf(request, context, order)
 
 
-@router.get("/certificate.xml", response_class=Response, responses=answers.sends_file("application/xml"))
+@router.get("/certificate.xml", **answers.sends_file("application/xml"))
 async def get_certificate_dcc(
     calibration_id: lookup.Id,
     query: Annotated[DccOptions, Query()],

@@ -24,12 +24,7 @@ from store.tables import Calibration, Camera, Campaign, Meter, Panel, Rig
 router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 
 
-@router.post(
-    "",
-    status_code=201,
-    response_model=schemas.CameraAnswer,
-    responses=answers.had_already(schemas.CameraAnswer, "It was registered already."),
-)
+@router.post("", **answers.makes(schemas.CameraAnswer, "It was registered already."))
 def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a camera body, with the names that it writes into its files."""
     columns = _columns(body)
@@ -106,11 +101,7 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
 
 @meters_router.post(
     "",
-    status_code=201,
-    response_model=schemas.MeterAnswer,
-    responses=answers.had_already(
-        schemas.MeterAnswer, "It was registered already; a certificate sent now is its newest."
-    ),
+    **answers.makes(schemas.MeterAnswer, "It was registered already; a certificate sent now is its newest."),
 )
 def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a meter, with its calibration certificate where there is one."""
@@ -146,12 +137,7 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
 
 
 @panels_router.post(
-    "",
-    status_code=201,
-    response_model=schemas.PanelAnswer,
-    responses=answers.had_already(
-        schemas.PanelAnswer, "It was registered already, with the same figures.", 409
-    ),
+    "", **answers.makes(schemas.PanelAnswer, "It was registered already, with the same figures.", 409)
 )
 def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
@@ -294,10 +280,7 @@ Judging = Annotated[_Judged, Query()]
 
 
 @rigs_router.post(
-    "",
-    status_code=201,
-    response_model=RigAnswer,
-    responses=answers.had_already(RigAnswer, "It was registered already, with the same cameras.", 404, 409),
+    "", **answers.makes(RigAnswer, "It was registered already, with the same cameras.", 404, 409)
 )
 def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register cameras that are mounted together, the reference first."""
@@ -422,7 +405,7 @@ def _add_export(export: RigExport) -> None:
     stated: dict[str, Any] = (
         {"response_model": answer, "responses": answers.problems(404)}
         if answer
-        else {"response_class": Response, "responses": answers.sends_file(export.media_type)}
+        else answers.sends_file(export.media_type)
     )
     add: Callable[..., Any] = rigs_router.get(f"/{{rig_id}}/exports/{export.filename}", **stated)
     add(send)

@@ -185,11 +185,7 @@ def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, context: 
     ).respond()
 
 
-@router.get(
-    "/frames/{frame_id}/thumbnail.png",
-    response_class=Response,
-    responses=answers.sends_stored_file("image/png"),
-)
+@router.get("/frames/{frame_id}/thumbnail.png", **answers.sends_stored_file("image/png"))
 def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
     with context.database.reading() as session:
@@ -235,9 +231,8 @@ class NewCrop(models.Form):
 
 @router.post(
     "/frames/{frame_id}/crops",
-    status_code=202,
-    response_model=JobAnswer,
-    responses=answers.had_already(JobAnswer, "The picture is there already: the job that drew it.", 409),
+    **answers.makes(JobAnswer, "The picture is there already: the job that drew it.", 409)
+    | {"status_code": 202},
 )
 def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.
@@ -271,7 +266,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writ
     return writing.run(caller, change)
 
 
-@router.get("/crops/{crop_id}.png", response_class=Response, responses=answers.sends_file("image/png"))
+@router.get("/crops/{crop_id}.png", **answers.sends_file("image/png"))
 def get_crop(crop_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
     with context.database.reading() as session:
@@ -306,9 +301,7 @@ class ThumbnailsAnswer(models.Answer):
 thumbnails_router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
 
 
-@thumbnails_router.get(
-    "/thumbnails", response_model=ThumbnailsAnswer, responses={**answers.UNCHANGED, **answers.problems(404)}
-)
+@thumbnails_router.get("/thumbnails", **answers.sends(ThumbnailsAnswer, 404))
 def list_thumbnails(
     campaign_id: Id,
     request: Request,

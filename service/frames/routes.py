@@ -14,7 +14,7 @@ from radiometry.frame.verdicts import Verdict
 from service.campaigns.schemas import NewRoi, RoiAnswer
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
 from service.http import changes, operations
-from service.http.answers import had_already, problems, send_blob, sends_stored_file
+from service.http.answers import makes, problems, send_blob, sends_stored_file
 from service.http.auth import Calibrator, Caller, Reader, Uploader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
@@ -50,9 +50,7 @@ _UPLOAD = {
 
 @router.post(
     "/campaigns/{campaign_id}/frames",
-    status_code=201,
-    response_model=FrameAnswer,
-    responses=had_already(FrameAnswer, "The campaign has these bytes already.", 400, 409, 413, 507),
+    **makes(FrameAnswer, "The campaign has these bytes already.", 400, 409, 413, 507),
     openapi_extra=_UPLOAD,
 )
 async def upload_frame(
@@ -175,11 +173,7 @@ def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Respons
         return RoiAnswer.of(roi).respond()
 
 
-@router.get(
-    "/frames/{frame_id}/content",
-    response_class=Response,
-    responses=sends_stored_file("application/octet-stream"),
-)
+@router.get("/frames/{frame_id}/content", **sends_stored_file("application/octet-stream"))
 def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The very bytes that were uploaded."""
     with context.database.reading() as session:
@@ -191,9 +185,7 @@ def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: U
     return send_blob(request, context.files, frame.sha256, "application/octet-stream", headers)
 
 
-@router.get(
-    "/frames/{frame_id}/preview.png", response_class=Response, responses=sends_stored_file("image/png")
-)
+@router.get("/frames/{frame_id}/preview.png", **sends_stored_file("image/png"))
 def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture to draw the region on; its width against `width_px` is the scale."""
     with context.database.reading() as session:

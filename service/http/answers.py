@@ -42,9 +42,10 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
-def had_already(model: Any, description: str, *statuses: int) -> dict[int | str, dict[str, Any]]:  # noqa: ANN401
-    """Document the 200 of a POST that makes nothing twice, beside its problems."""
-    return {200: {"model": model, "description": description}, **problems(*statuses)}
+def makes(model: Any, already: str, *statuses: int) -> dict[str, Any]:  # noqa: ANN401  a type
+    """State a POST that makes nothing twice. ``already`` : what 200 means; ``statuses`` : its problems."""
+    stated = {200: {"model": model, "description": already}, **problems(*statuses)}
+    return {"status_code": 201, "response_model": model, "responses": stated}
 
 
 def with_usual_problems(stated: dict[int | str, dict[str, Any]], *, of_one: bool) -> dict[int | str, Any]:
@@ -60,23 +61,27 @@ def with_usual_problems(stated: dict[int | str, dict[str, Any]], *, of_one: bool
 UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
 
 
-def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
+def sends(model: Any, *statuses: int) -> dict[str, Any]:  # noqa: ANN401  a type
+    """State a route whose answer has a tag. ``statuses`` : its problems."""
+    return {"response_model": model, "responses": {**UNCHANGED, **problems(*statuses)}}
+
+
+def sends_file(media_type: str) -> dict[str, Any]:
+    """State a route that sends a file."""
     schema = {"type": "string", "format": "binary"}
     if media_type.startswith("text/"):
         schema = {"type": "string"}
     elif media_type.endswith("json"):
         schema = {"type": "object"}
-    return with_usual_problems({200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED}, of_one=True)
+    stated = {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED}
+    return {"response_class": Response, "responses": with_usual_problems(stated, of_one=True)}
 
 
-def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
-    """Document a route that sends what the file store keeps, which a disk may have lost."""
-    part = {media_type: {"schema": {"type": "string", "format": "binary"}}}
-    return {
-        **sends_file(media_type),
-        206: {"description": "The part that `Range` asks for.", "content": part},
-        **problems(416, 500),
-    }
+def sends_stored_file(media_type: str) -> dict[str, Any]:
+    """State a route that sends what the file store keeps, which a disk may have lost."""
+    stated, part = sends_file(media_type), {media_type: {"schema": {"type": "string", "format": "binary"}}}
+    asked = {206: {"description": "The part that `Range` asks for.", "content": part}}
+    return stated | {"responses": {**stated["responses"], **asked, **problems(416, 500)}}
 
 
 _RANGE: Final = re.compile(r"bytes=([0-9]{0,18})-([0-9]{0,18})")

@@ -22,7 +22,7 @@ from radiometry.maps import (
     trace_isolines,
 )
 from service.http import auth, lookup, models, operations
-from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
+from service.http.answers import immutable_headers, not_modified, sends
 from service.http.context import UsesContext
 from service.http.problems import Problem, wrong
 from service.measurements import maps
@@ -250,12 +250,7 @@ def _place(found: maps.OpenMap, line: Array, coordinates: Coordinates) -> Array 
 router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 
-@router.get(
-    "/isolines.geojson",
-    response_model=IsolinesAnswer,
-    response_class=GeoJson,
-    responses={**UNCHANGED, **problems(404, 500)},
-)
+@router.get("/isolines.geojson", response_class=GeoJson, **sends(IsolinesAnswer, 404, 500))
 def get_measurement_isolines(
     measurement_id: lookup.Id,
     request: Request,

@@ -179,7 +179,7 @@ def list_measurements(
         )
 
 
-@router.get("/measurements/{measurement_id}", response_model=MeasurementAnswer, responses=answers.UNCHANGED)
+@router.get("/measurements/{measurement_id}", **answers.sends(MeasurementAnswer))
 def get_measurement(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -195,11 +195,7 @@ def get_measurement(
     return response
 
 
-@router.get(
-    "/measurements/{measurement_id}/record.json",
-    response_model=MeasurementRecord,
-    responses=answers.UNCHANGED,
-)
+@router.get("/measurements/{measurement_id}/record.json", **answers.sends(MeasurementRecord))
 def get_measurement_record(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -218,11 +214,7 @@ def get_measurement_record(
         return MeasurementRecord.of(row, frames, calibration).respond(answers.immutable_headers(tag))
 
 
-@router.get(
-    "/measurements/{measurement_id}/map.tif",
-    response_class=Response,
-    responses=answers.sends_stored_file("image/tiff"),
-)
+@router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
 def get_measurement_map(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -235,11 +227,7 @@ def get_measurement_map(
     return _send_map(request, context, _owned(context, measurement_id, caller), "tif")
 
 
-@router.get(
-    "/measurements/{measurement_id}/map.png",
-    response_class=Response,
-    responses=answers.sends_stored_file("image/png"),
-)
+@router.get("/measurements/{measurement_id}/map.png", **answers.sends_stored_file("image/png"))
 def get_measurement_picture(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:

@@ -134,11 +134,7 @@ def _format(at: datetime) -> str:
 router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
-@router.get(
-    "/measurements/{measurement_id}/map.json",
-    response_model=maps.MapValuesAnswer,
-    responses={**answers.UNCHANGED, **answers.problems(500)},
-)
+@router.get("/measurements/{measurement_id}/map.json", **answers.sends(maps.MapValuesAnswer, 500))
 def get_measurement_map_values(
     measurement_id: lookup.Id,
     request: Request,
@@ -165,9 +161,8 @@ def get_measurement_map_values(
 
 @router.get(
     "/measurements/{measurement_id}/stac.json",
-    response_model=maps.StacItem,
     response_class=lists.GeoJson,
-    responses={**answers.UNCHANGED, **answers.problems(500)},
+    **answers.sends(maps.StacItem, 500),
 )
 def get_measurement_stac(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
