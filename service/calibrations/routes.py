@@ -32,8 +32,7 @@ from service.http.lookup import Id, owned
 from service.http.models import Answer, Form, PositiveText, Quantity, Text
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
-from service.jobs.routes import reply_queued
-from service.jobs.schemas import JobAnswer
+from service.jobs.routes import QUEUES, reply_queued
 from store import codec, fits, impact, jobs, publications
 from store.measuring.version import choose_falloff
 from store.queries import calibrations, campaigns, usage
@@ -45,12 +44,7 @@ router = operations.Router(prefix="/v1", tags=["calibrations"])
 _NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id, Calibration.method)
 
 
-@router.post(
-    "/campaigns/{campaign_id}/calibrations",
-    status_code=202,
-    response_model=JobAnswer,
-    responses=problems(409),
-)
+@router.post("/campaigns/{campaign_id}/calibrations", **QUEUES, responses=problems(409))
 def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
     """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
     outdated: list[str] = []

@@ -26,7 +26,7 @@ from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.jobs.routes import reply_queued
+from service.jobs.routes import QUEUES, reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
@@ -133,9 +133,7 @@ class GridLook(models.Answer):
 router = operations.Router(prefix="/v1", tags=["frames"])
 
 
-@router.post(
-    "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=answers.problems(409)
-)
+@router.post("/frames/{frame_id}/region", **QUEUES, responses=answers.problems(409))
 def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes.Writes) -> Response:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
@@ -231,8 +229,7 @@ class NewCrop(models.Form):
 
 @router.post(
     "/frames/{frame_id}/crops",
-    **answers.makes(JobAnswer, "The picture is there already: the job that drew it.", 409)
-    | {"status_code": 202},
+    **answers.makes(JobAnswer, "The picture is there already: the job that drew it.", 409) | QUEUES,
 )
 def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.

@@ -32,6 +32,10 @@ _LOGGED = 64
 _SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
+QUEUES: Final[dict[str, Any]] = {"status_code": 202, "response_model": schemas.JobAnswer}
+"""How a route is stated that queues a job."""
+
+
 def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> changes.Reply:
     """Reply to a request that has queued a job."""
     session.flush()
