@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Query, Response
-from pydantic import Field
 
 from radiometry.fleet import drift, results
 from radiometry.fleet.determinations import Determination, LeftOut, Source
@@ -13,7 +12,7 @@ from service.calibrations.schemas import FleetVerdictAnswer, NewFleetVerdict, Pa
 from service.http import auth, lookup, operations
 from service.http.answers import problems
 from service.http.context import UsesContext
-from service.http.models import Answer, Instant, Method, PositiveText
+from service.http.models import Answer, Instant, Method, PositiveText, maybe
 from service.http.problems import wrong
 from service.tools.routes import stateless
 from store.queries.fleet import list_determinations
@@ -39,7 +38,7 @@ class ParameterDrift(Parameter, restates=drift.Drift, without="key"):
 class DriftAnswer(Answer):
     camera_id: str
     method: Method
-    recalibrate_by: Instant | None = Field(default=None, description="The earliest of all parameters.")
+    recalibrate_by: Instant | None = maybe("The earliest of all parameters.")
     parameters: list[ParameterDrift]
     left_out: list[VersionLeftOut]
 

@@ -12,7 +12,7 @@ from service.calibrations import schemas
 from service.documents.issuing import build_issued, gather
 from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
-from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text
+from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text, maybe, told
 from service.http.paging import Page, UsesPaging
 from store import impact as recalls
 from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
@@ -47,19 +47,14 @@ class TouchedMeasurement(Answer):
     measurement_id: str
     frame_id: str
     filename: str
-    taken_at: str | None = Field(default=None, description="As the frame says it.")
+    taken_at: str | None = maybe("As the frame says it.")
     iso: float | None = None
-    successor: VersionNamed | None = Field(
-        default=None, description="In force when the frame was taken. Absent where none is."
+    successor: VersionNamed | None = maybe("In force when the frame was taken. Absent where none is.")
+    change: Quantity | None = maybe("Of the luminance, L_new / L_old - 1, or of the reflectance; in %.")
+    basis: Literal["signal", "k_ratio"] | None = maybe(
+        "`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1."
     )
-    change: Quantity | None = Field(
-        default=None, description="Of the luminance, L_new / L_old - 1, or of the reflectance; in %."
-    )
-    basis: Literal["signal", "k_ratio"] | None = Field(
-        default=None,
-        description="`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1.",
-    )
-    why: str | None = Field(default=None, description="Why there is no change to tell.")
+    why: str | None = maybe("Why there is no change to tell.")
 
     @classmethod
     def of(cls, row: Touched) -> "TouchedMeasurement":
@@ -84,10 +79,10 @@ class CoefficientChanged(
     restates=(CoefficientRow, Comparison),
     fields="name iso f_number band channel change in_standard_uncertainties",
 ):
-    model: str | None = Field(default=None, description="The new one's; of sharpness it names the position.")
+    model: str | None = maybe("The new one's; of sharpness it names the position.")
     old: Quantity
     new: Quantity
-    difference: Quantity | None = Field(default=None, description="new - old. Absent where the units differ.")
+    difference: Quantity | None = maybe("new - old. Absent where the units differ.")
 
     @classmethod
     def of(cls, row: CoefficientChange) -> "CoefficientChanged":
@@ -96,7 +91,7 @@ class CoefficientChanged(
 
 class FlagAt(Answer):
     flag: str
-    where: str = Field(description='"" for the whole.')
+    where: str = told('"" for the whole.')
 
 
 class ImpactAnswer(Answer):
@@ -104,23 +99,20 @@ class ImpactAnswer(Answer):
     version: int
     at: Instant
     said: str
-    against: VersionInForce | None = Field(
-        default=None, description="What is in force at that time. Absent where nothing is."
-    )
-    meter_calibration: Reference | None = Field(
-        default=None,
-        description="`common`: both versions use the same meter certificates, whose error cancels in the "
+    against: VersionInForce | None = maybe("What is in force at that time. Absent where nothing is.")
+    meter_calibration: Reference | None = maybe(
+        "`common`: both versions use the same meter certificates, whose error cancels in the "
         "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "
         "`unknown`: a reading has no certificate, and nothing is left out. Of reflectance the same of the "
-        "panel: one panel of one day, another, or one that is not registered.",
+        "panel: one panel of one day, another, or one that is not registered."
     )
     coefficients: list[CoefficientChanged]
     isos_gained: list[float]
     isos_lost: list[float]
     flags_gained: list[FlagAt]
     flags_lost: list[FlagAt]
-    measurements: list[TouchedMeasurement] = Field(
-        description="Made with the version in force; what this one would make of each."
+    measurements: list[TouchedMeasurement] = told(
+        "Made with the version in force; what this one would make of each."
     )
     warnings: list[schemas.Gap] = Field(
         default=[], description="What its certificate would lack, published with your key."
@@ -152,13 +144,9 @@ class NewCause(Form):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
 
     meter_id: Text | None = None
-    meter_certificate_number: Text | None = Field(
-        default=None, description="The certificate number when a version was made."
-    )
-    software: Text | None = Field(
-        default=None, description="The fit code version, `software.stilb` of a version."
-    )
-    recorder: Text | None = Field(default=None, description="Recorder of the campaign, now or before.")
+    meter_certificate_number: Text | None = maybe("The certificate number when a version was made.")
+    software: Text | None = maybe("The fit code version, `software.stilb` of a version.")
+    recorder: Text | None = maybe("Recorder of the campaign, now or before.")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> "NewCause":
@@ -180,13 +168,11 @@ class CondemnedVersion(
     Answer, restates=(Calibration, VersionStatus), fields="camera_id method version valid_from valid_to"
 ):
     calibration_id: str
-    camera: str = Field(description="Make, model and serial number.")
+    camera: str = told("Make, model and serial number.")
     state: VersionState
-    in_force: bool = Field(
-        description="Whether it is in force for any time, as known now: `valid_from` to `valid_to`."
-    )
-    measurements: list[TouchedMeasurement] = Field(
-        description="Made with it. The successor of each is a version that the recall does not revoke."
+    in_force: bool = told("Whether it is in force for any time, as known now: `valid_from` to `valid_to`.")
+    measurements: list[TouchedMeasurement] = told(
+        "Made with it. The successor of each is a version that the recall does not revoke."
     )
 
     @classmethod
@@ -209,10 +195,8 @@ class PurgeAnswer(
 ):
     state: Literal["proposed", "confirmed"]
     cause: dict[str, str]
-    calibration_ids: list[str] = Field(description="The versions under review, which confirming revokes.")
-    versions: list[CondemnedVersion] | None = Field(
-        default=None, description="Their current status. Absent in a list."
-    )
+    calibration_ids: list[str] = told("The versions under review, which confirming revokes.")
+    versions: list[CondemnedVersion] | None = maybe("Their current status. Absent in a list.")
 
     @classmethod
     def of(cls, row: Recall, condemned: list[Condemned] | None = None) -> "PurgeAnswer":

@@ -44,7 +44,7 @@ class FitRequest(models.Form):
     """Fields that every method takes."""
 
     exclude: Annotated[
-        list[Exclusion] | None, Field(max_length=10_000, description="Frames that the fit leaves out.")
+        list[Exclusion] | None, models.told("Frames that the fit leaves out.", max_length=10_000)
     ] = None
 
     def read_parameters(self, spec: method.MethodSpec) -> dict[str, Any]:
@@ -78,16 +78,10 @@ def read_request(body: NewCalibration, spec: method.MethodSpec) -> FitRequest:
 
 def _make_form(spec: method.MethodSpec) -> type[FitRequest]:
     extra: dict[str, Any] = {
-        "method": (
-            Literal[spec.name] | None,
-            Field(default=None, description="The campaign's method; it may be left out."),
-        )
+        "method": (Literal[spec.name] | None, models.maybe("The campaign's method; it may be left out."))
     }
     if spec.reference == "panel":
-        extra["panel_id"] = (
-            models.Text | None,
-            Field(default=None, description="The campaign's panel from now on."),
-        )
+        extra["panel_id"] = (models.Text | None, models.maybe("The campaign's panel from now on."))
     extra |= make_fields(each for each in spec.parameters if each.given_by == "request")
     return create_model(
         f"New{spec.name.capitalize()}Calibration",
@@ -107,8 +101,7 @@ def describe_parameter(parameter: Parameter) -> str:
 def make_fields(parameters: Iterable[Parameter]) -> dict[str, tuple[Any, Any]]:
     """Return the fields of a form by the parameters' names; each may be left out."""
     return {
-        each.name: (read_kind(each) | None, Field(default=None, description=describe_parameter(each)))
-        for each in parameters
+        each.name: (read_kind(each) | None, models.maybe(describe_parameter(each))) for each in parameters
     }
 
 
@@ -188,12 +181,12 @@ class ParameterAnswer(models.Answer, restates=Parameter, without="kind suggest d
     """One parameter of a fit."""
 
     type: Kind
-    above_minimum: bool = Field(description="Whether the value must lie above the minimum, not at it.")
-    default: Any = Field(default=None, description="Left out where there is none; see default_text.")
-    default_text: str = Field(description="What the fit does without it, if it has no default.")
-    example: Any = Field(default=None, description="A value that could be given, where there is no default.")
-    suggestions: list[str] = Field(description="Of a text: names that it may have.")
-    members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
+    above_minimum: bool = models.told("Whether the value must lie above the minimum, not at it.")
+    default: Any = models.maybe("Left out where there is none; see default_text.")
+    default_text: str = models.told("What the fit does without it, if it has no default.")
+    example: Any = models.maybe("A value that could be given, where there is no default.")
+    suggestions: list[str] = models.told("Of a text: names that it may have.")
+    members: list["ParameterAnswer"] = models.told("Of a group: its parameters.")
 
     @classmethod
     def of(cls, parameter: Parameter) -> "ParameterAnswer":
@@ -227,17 +220,13 @@ class MethodAnswer(
     """A calibration method."""
 
     name: models.Method
-    roles: list[RoleAnswer] = Field(description="The first is the role of a frame for which none is given.")
-    needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
+    roles: list[RoleAnswer] = models.told("The first is the role of a frame for which none is given.")
+    needs_target: bool = models.told("Whether the campaign describes what is photographed.")
     target_example: dict[str, Any] | None = None
-    target_fields: list[str] = Field(description="Names of the fields of the campaign's target.")
-    measured_quantity: str | None = Field(
-        default=None, description="What a version measures in a region of a later frame."
-    )
-    measurement_options: list[str] = Field(description="Options of a measurement beside region and products.")
-    conditions: list[ParameterAnswer] = Field(
-        description="Of these options the surroundings of a measurement."
-    )
+    target_fields: list[str] = models.told("Names of the fields of the campaign's target.")
+    measured_quantity: str | None = models.maybe("What a version measures in a region of a later frame.")
+    measurement_options: list[str] = models.told("Options of a measurement beside region and products.")
+    conditions: list[ParameterAnswer] = models.told("Of these options the surroundings of a measurement.")
     grid: MethodGridAnswer
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]

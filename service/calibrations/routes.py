@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 from anyio import to_thread
 from fastapi import Query, Request, Response
-from pydantic import ConfigDict, Field, RootModel, ValidationError, create_model
+from pydantic import ConfigDict, RootModel, ValidationError, create_model
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, load_only
 from starlette.concurrency import run_in_threadpool
@@ -29,7 +29,7 @@ from service.http.auth import Calibrator, Caller, Publisher, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.models import Answer, Form, PositiveText, Quantity, Text
+from service.http.models import Answer, Form, PositiveText, Quantity, Text, told
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
 from service.jobs.routes import QUEUES, reply_queued
@@ -339,7 +339,7 @@ def _add(method: str, export: Export) -> None:
 def _describe(option: ExportOption) -> Any:  # noqa: ANN401  a type with its default
     kind: Any = PositiveText if option.kind == "number" else Text
     held: Any = kind if option.required else kind | None
-    described = Annotated[held, Field(description=option.description)] if option.description else held
+    described = Annotated[held, told(option.description)] if option.description else held
     return (described, ...) if option.required else (described, None)
 
 

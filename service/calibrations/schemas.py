@@ -29,15 +29,11 @@ class PersonAnswer(models.Answer, restates=Person):
 
 
 class NewPublication(models.Form):
-    valid_from: models.Instant = Field(
-        description="Frames taken from then on are measured with this version."
+    valid_from: models.Instant = models.told("Frames taken from then on are measured with this version.")
+    valid_to: models.Instant | None = models.maybe(
+        "After `valid_from`; without it, until another version replaces it."
     )
-    valid_to: models.Instant | None = Field(
-        default=None, description="After `valid_from`; without it, until another version replaces it."
-    )
-    reason: models.LongText = Field(
-        description="Who reviewed the version, and on what grounds; on the record."
-    )
+    reason: models.LongText = models.told("Who reviewed the version, and on what grounds; on the record.")
 
     @model_validator(mode="after")
     def _in_order(self) -> "NewPublication":
@@ -47,8 +43,8 @@ class NewPublication(models.Form):
 
 
 class NewRevocation(models.Form):
-    reason: models.LongText = Field(
-        description="What is wrong with the version; shown with every measurement made with it."
+    reason: models.LongText = models.told(
+        "What is wrong with the version; shown with every measurement made with it."
     )
 
 
@@ -61,7 +57,7 @@ class Coefficient(
 
 
 class CoefficientInForce(Coefficient):
-    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    uncertainty_scope: Scope | None = models.maybe(SCOPE_MEANING)
     calibration_id: str
     version: int
     valid_from: models.Instant
@@ -92,15 +88,13 @@ class IssuedAnswer(
     """A certificate that was issued with a publication: the original, or an amendment beside it."""
 
     fitted_by: PersonAnswer | None = None
-    approved_by: PersonAnswer | None = Field(default=None, description="Absent: nobody has signed it.")
-    reason: str = Field(description="Of the publication.")
+    approved_by: PersonAnswer | None = models.maybe("Absent: nobody has signed it.")
+    reason: str = models.told("Of the publication.")
 
 
 class SuggestedValidity(models.Answer):
     valid_from: models.Instant
-    valid_to: models.Instant | None = Field(
-        default=None, description="Of a method whose coefficients hold for one flight."
-    )
+    valid_to: models.Instant | None = models.maybe("Of a method whose coefficients hold for one flight.")
 
 
 class CalibrationAnswer(
@@ -110,28 +104,25 @@ class CalibrationAnswer(
     "created_at created_by valid_from valid_to superseded_by revoked_reason",
 ):
     method: models.Method
-    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    uncertainty_scope: Scope | None = models.maybe(SCOPE_MEANING)
     coefficients: list[Coefficient]
-    key_figures: list[KeyFigureAnswer] | None = Field(
-        default=None, description="What a person looks for first, as the method chooses; not in lists."
+    key_figures: list[KeyFigureAnswer] | None = models.maybe(
+        "What a person looks for first, as the method chooses; not in lists."
     )
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
-    findings: list[models.FindingGroupAnswer] | None = Field(
-        default=None, description="The flags of `diagnostics`, equal ones as one; not in lists."
+    findings: list[models.FindingGroupAnswer] | None = models.maybe(
+        "The flags of `diagnostics`, equal ones as one; not in lists."
     )
     inputs: dict[str, Any] | None = None
-    certificates: list[IssuedAnswer] | None = Field(
-        default=None, description="As they were issued, the original first; not in lists."
+    certificates: list[IssuedAnswer] | None = models.maybe(
+        "As they were issued, the original first; not in lists."
     )
-    suggested_validity: SuggestedValidity | None = Field(
-        default=None,
-        description="Of a draft: in force from then on, its campaign's frames are measured with it.",
+    suggested_validity: SuggestedValidity | None = models.maybe(
+        "Of a draft: in force from then on, its campaign's frames are measured with it."
     )
-    warnings: list[Gap] | None = Field(
-        default=None, description="When it is published: what its certificate lacks."
-    )
+    warnings: list[Gap] | None = models.maybe("When it is published: what its certificate lacks.")
 
     @classmethod
     def of(
@@ -237,8 +228,8 @@ class NewFleetVerdict(models.Form):
     ]
     tolerance: Annotated[
         Tolerance,
-        Field(
-            description="The largest accepted deviation from the shared value: one number in the method's "
+        models.told(
+            "The largest accepted deviation from the shared value: one number in the method's "
             "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
         ),
     ]
@@ -285,12 +276,8 @@ class ParameterVerdictAnswer(
     verdict: Outcome
     within_camera_variance: models.Quantity | None = None
     between_camera_variance: models.Quantity | None = None
-    equivalence_p_value: float | None = Field(
-        default=None, description="Small: every camera lies within the tolerance."
-    )
-    exceedance_p_value: float | None = Field(
-        default=None, description="Small: some camera lies outside the tolerance."
-    )
+    equivalence_p_value: float | None = models.maybe("Small: every camera lies within the tolerance.")
+    exceedance_p_value: float | None = models.maybe("Small: some camera lies outside the tolerance.")
 
     @classmethod
     def of(cls, row: ParameterVerdict) -> "ParameterVerdictAnswer":
@@ -307,7 +294,7 @@ class ParameterVerdictAnswer(
 class FleetCamera(models.Answer):
     camera_id: str
     serial: str
-    repeats: int = Field(description="Campaigns with a published version that was not revoked.")
+    repeats: int = models.told("Campaigns with a published version that was not revoked.")
 
 
 class FleetVerdictAnswer(models.Answer, restates=FleetVerdict, fields="said left_out"):

@@ -45,47 +45,45 @@ class GridColumns(models.Answer):
     band: _Texts
     capture_id: _Texts
     taken_at: _Texts
-    instant: _Texts = Field(
-        description="`taken_at` in UTC, the earlier of two if the clock showed it twice; null if its zone is "
-        "not known."
+    instant: _Texts = models.told(
+        "`taken_at` in UTC, the earlier of two if the clock showed it twice; null if its zone is not known."
     )
-    time_zone: _Texts = Field(
-        description="Of its clock, as campaign or organisation state it; null if none was needed or stated."
+    time_zone: _Texts = models.told(
+        "Of its clock, as campaign or organisation state it; null if none was needed or stated."
     )
     width_px: _Numbers
     height_px: _Numbers
-    roi_id: _Texts = Field(description="Of a frame's own region.")
-    roi_origin: _Texts = Field(description="drawn, or found on a panel.")
-    signal_dn: _Numbers = Field(
-        description="Mean of the green channels, else of all, in the region that holds; black not subtracted."
+    roi_id: _Texts = models.told("Of a frame's own region.")
+    roi_origin: _Texts = models.told("drawn, or found on a panel.")
+    signal_dn: _Numbers = models.told(
+        "Mean of the green channels, else of all, in the region that holds; black not subtracted."
     )
-    clipped_share: _Numbers = Field(description="Of the channel with most pixels at the white level.")
-    outcome: list[str] = Field(description="Of the verdict: pass, warn, fail or pending.")
-    code: _Texts = Field(description="Of the gravest reason of the verdict.")
-    detail: _Texts = Field(description="Its sentence.")
+    clipped_share: _Numbers = models.told("Of the channel with most pixels at the white level.")
+    outcome: list[str] = models.told("Of the verdict: pass, warn, fail or pending.")
+    code: _Texts = models.told("Of the gravest reason of the verdict.")
+    detail: _Texts = models.told("Its sentence.")
     refusal_code: _Texts
-    left_out: _Texts = Field(description="Why a person left it out.")
+    left_out: _Texts = models.told("Why a person left it out.")
     withdrawn: list[bool]
-    thumbnail: _Texts = Field(description="Changes with the frame's thumbnail; null while there is none.")
+    thumbnail: _Texts = models.told("Changes with the frame's thumbnail; null while there is none.")
 
 
 class GapAnswer(models.Answer, restates=Gap, without="at"):
     """A frame to photograph next."""
 
-    at: dict[str, Any] = Field(description="Values of the grid's axes, as far as they are known.")
+    at: dict[str, Any] = models.told("Values of the grid's axes, as far as they are known.")
 
 
 class CampaignGridAnswer(models.Answer):
     """A page of a campaign's grid."""
 
     frames: GridColumns
-    gaps: list[GapAnswer] = Field(description="What to photograph next; of the first page.")
-    partial: bool = Field(
-        description="Only the frames that have changed since `since`; the others are as they were."
+    gaps: list[GapAnswer] = models.told("What to photograph next; of the first page.")
+    partial: bool = models.told(
+        "Only the frames that have changed since `since`; the others are as they were."
     )
-    since: str | None = Field(
-        default=None,
-        description="Of the first page: asks next time for what has changed. Absent if that is not known.",
+    since: str | None = models.maybe(
+        "Of the first page: asks next time for what has changed. Absent if that is not known."
     )
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 

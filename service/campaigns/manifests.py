@@ -13,7 +13,7 @@ from sqlalchemy.exc import IntegrityError
 from radiometry.findings import interface
 from service.http import answers, auth, changes, lookup, operations, problems, signatures
 from service.http.context import Context, UsesContext
-from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text
+from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text, maybe, told
 from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, FrameState, Manifest, SigningKey, utc_now
@@ -46,8 +46,8 @@ class MissingFile(Answer):
     name: str
     size_bytes: int
     sha256: str
-    reason: Literal["not_received", "damaged", "size_differs"] = Field(
-        description="`damaged`: the stored file is damaged or gone; the same upload heals it. "
+    reason: Literal["not_received", "damaged", "size_differs"] = told(
+        "`damaged`: the stored file is damaged or gone; the same upload heals it. "
         "`size_differs`: the file with this hash has another size, so that the manifest is wrong."
     )
 
@@ -56,10 +56,10 @@ class ManifestAnswer(Answer, restates=Manifest, fields="id campaign_id sha256 cr
     """Completeness of a manifest as things stand now."""
 
     files: int
-    stored: int = Field(description="How many of them are stored whole.")
+    stored: int = told("How many of them are stored whole.")
     complete: bool
-    missing: list[MissingFile] = Field(description="In the order of the manifest.")
-    receipt: str | None = Field(default=None, description="Address of the receipt, once it is complete.")
+    missing: list[MissingFile] = told("In the order of the manifest.")
+    receipt: str | None = maybe("Address of the receipt, once it is complete.")
 
 
 class ReceivedFile(Answer):
@@ -70,16 +70,15 @@ class ReceivedFile(Answer):
     sha256: str
     frame_id: str
     received_at: Instant
-    hash_checked_at: Instant = Field(
-        description="When the service last hashed all of the bytes and found this SHA-256: as they "
+    hash_checked_at: Instant = told(
+        "When the service last hashed all of the bytes and found this SHA-256: as they "
         "arrived, or as it read them back since."
     )
-    state: FrameState = Field(description="`refused`: stored, but not usable as a frame.")
+    state: FrameState = told("`refused`: stored, but not usable as a frame.")
     refusal_code: str | None = None
-    withdrawn_at: Instant | None = Field(default=None, description="Stored, but withdrawn from the campaign.")
-    same_as: str | None = Field(
-        default=None,
-        description="An earlier file of this manifest with the same bytes, which are stored once.",
+    withdrawn_at: Instant | None = maybe("Stored, but withdrawn from the campaign.")
+    same_as: str | None = maybe(
+        "An earlier file of this manifest with the same bytes, which are stored once."
     )
 
 
@@ -109,7 +108,7 @@ class ReceiptStatement(Answer):
 class ReceiptSignature(Answer):
     algorithm: Literal["Ed25519"]
     key_id: str
-    value: str = Field(description="In Base64, over `receipt` in canonical JSON (RFC 8785).")
+    value: str = told("In Base64, over `receipt` in canonical JSON (RFC 8785).")
 
 
 class ReceiptAnswer(Answer):
@@ -125,7 +124,7 @@ class SigningKeyAnswer(Answer, restates=SigningKey, fields="id public_key"):
 
 
 class SigningKeys(Answer):
-    items: list[SigningKeyAnswer] = Field(description="Newest first. None is ever removed.")
+    items: list[SigningKeyAnswer] = told("Newest first. None is ever removed.")
 
 
 router = operations.Router(prefix="/v1", tags=["manifests"])

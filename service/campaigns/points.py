@@ -43,8 +43,8 @@ def _read_dark(sent: Any) -> Any:  # noqa: ANN401  whatever was sent
 class NewPoint(models.Form):
     """One frame: what it shows, its settings, and the statistics of its region, black included."""
 
-    filename: models.Text = Field(description="Name of the frame, as ImageJ's Label.")
-    scene: models.Text | None = Field(default=None, description="Light level; a dark frame has none.")
+    filename: models.Text = models.told("Name of the frame, as ImageJ's Label.")
+    scene: models.Text | None = models.maybe("Light level; a dark frame has none.")
     dark: Annotated[bool, BeforeValidator(_read_dark)] = Field(
         default=False, description="yes of a frame without light."
     )
@@ -54,8 +54,8 @@ class NewPoint(models.Form):
     mean_dn: _Level
     min_dn: _Level
     max_dn: _Level
-    std_dn: _Level | None = Field(default=None, description="Else the largest that mean and range allow.")
-    pixels: Annotated[float, Field(ge=1, le=1e9, description="Number of samples; ImageJ's Area.")]
+    std_dn: _Level | None = models.maybe("Else the largest that mean and range allow.")
+    pixels: Annotated[float, models.told("Number of samples; ImageJ's Area.", ge=1, le=1e9)]
 
     @model_validator(mode="after")
     def _is_possible(self) -> "NewPoint":
@@ -77,13 +77,13 @@ class NewPoint(models.Form):
 class PointsTable(models.Form):
     """Statements that a table does not contain."""
 
-    white_level_dn: float = Field(gt=0, le=1e6, description="Where the sensor clips: 255 of 8 bits.")
-    black_level_dn: float | None = Field(default=None, ge=0, le=1e6, description="Absent if it is unknown.")
-    exposure_time_s: Annotated[
-        float | None, Field(gt=1e-9, le=86_400, description="Of rows that state none.")
-    ] = None
-    f_number: Annotated[float | None, Field(ge=0.1, le=1000, description="Of rows that state none.")] = None
-    iso: Annotated[float | None, Field(ge=0.1, le=1e9, description="Of rows that state none.")] = None
+    white_level_dn: float = models.told("Where the sensor clips: 255 of 8 bits.", gt=0, le=1e6)
+    black_level_dn: float | None = models.maybe("Absent if it is unknown.", ge=0, le=1e6)
+    exposure_time_s: Annotated[float | None, models.told("Of rows that state none.", gt=1e-9, le=86_400)] = (
+        None
+    )
+    f_number: Annotated[float | None, models.told("Of rows that state none.", ge=0.1, le=1000)] = None
+    iso: Annotated[float | None, models.told("Of rows that state none.", ge=0.1, le=1e9)] = None
 
 
 class AddedPoint(models.Answer, restates=FrameRow, fields="filename role scene"):
@@ -94,7 +94,7 @@ class PointsAnswer(models.Answer):
     """The frames of a table, in the order of its rows."""
 
     items: list[AddedPoint]
-    ignored_columns: list[str] = Field(description="Columns that were not read.")
+    ignored_columns: list[str] = models.told("Columns that were not read.")
 
 
 _FIELDS: Final = frozenset(NewPoint.model_fields)

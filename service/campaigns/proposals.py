@@ -21,7 +21,7 @@ from radiometry.specification.roles import CHART, DARK, FIELD, Role
 from service.http import answers, changes, lookup, operations
 from service.http.auth import Uploader
 from service.http.context import UsesContext
-from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
+from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text, maybe, told
 from store.publications import in_force
 from store.tables import Blob, Camera, Campaign, CampaignKind, FrameRow, utc_now
 
@@ -196,12 +196,10 @@ router = operations.Router(prefix="/v1", tags=["frames"])
 class FrameOfCard(Form):
     """A frame as its header states it."""
 
-    name: Annotated[str, Field(min_length=1, max_length=1000)] = Field(
-        description='Path with "/", from the folder that was chosen.'
+    name: Annotated[str, Field(min_length=1, max_length=1000)] = told(
+        'Path with "/", from the folder that was chosen.'
     )
-    size_bytes: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None, description="To find files that a campaign holds already."
-    )
+    size_bytes: Annotated[Number, Field(ge=0)] | None = maybe("To find files that a campaign holds already.")
     taken_s: Number = Field(
         default=0.0, description="When it was taken, since 1970 [s]; a local time counts as UTC."
     )
@@ -209,20 +207,16 @@ class FrameOfCard(Form):
     f_number: Positive | None = None
     iso: Positive | None = None
     band: Text | None = None
-    signal_share: Number | None = Field(
-        default=None, description="Mean of its centre, as a share of the range from black to white."
-    )
+    signal_share: Number | None = maybe("Mean of its centre, as a share of the range from black to white.")
 
 
 class CardAsked(Form):
     """A card, and what is known of the campaign that its frames are for."""
 
     frames: Annotated[list[FrameOfCard], Field(min_length=1, max_length=10_000)]
-    camera_id: Text | None = Field(default=None, description="The camera, where it is registered.")
-    campaign_id: Text | None = Field(
-        default=None, description="A campaign that the frames are added to: its scenes go on."
-    )
-    method: Method | None = Field(default=None, description="Left out: the method that suits the frames.")
+    camera_id: Text | None = maybe("The camera, where it is registered.")
+    campaign_id: Text | None = maybe("A campaign that the frames are added to: its scenes go on.")
+    method: Method | None = maybe("Left out: the method that suits the frames.")
     kind: CampaignKind | None = None
 
 
@@ -230,9 +224,7 @@ class PlacedFrame(Answer):
     name: str
     role: FrameRole
     scene: str | None = None
-    campaign_id: str | None = Field(
-        default=None, description="The camera's campaign that holds a file of this name, size and time."
-    )
+    campaign_id: str | None = maybe("The camera's campaign that holds a file of this name, size and time.")
 
 
 class CardProposal(Answer):
@@ -240,10 +232,8 @@ class CardProposal(Answer):
 
     method: Method
     kind: CampaignKind
-    calibration_method: Method = Field(description="The method that the frames suit for a calibration.")
-    measurement_method: Method | None = Field(
-        default=None, description="The method that they suit for a night of measurements."
-    )
+    calibration_method: Method = told("The method that the frames suit for a calibration.")
+    measurement_method: Method | None = maybe("The method that they suit for a night of measurements.")
     frames: list[PlacedFrame]
 
 

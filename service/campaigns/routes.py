@@ -18,7 +18,7 @@ from service.http.auth import Calibrator, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
-from service.http.models import Answer, Form, LongText, Text, rfc3339
+from service.http.models import Answer, Form, LongText, Text, maybe, rfc3339, told
 from service.http.problems import Problem, invalid, located, wrong
 from service.measurements.requests import read_roi
 from store import codec, reviews
@@ -30,15 +30,13 @@ from store.tables.campaign import CampaignKind
 
 
 class ItemChange(Form):
-    key: Annotated[Text, Field(description="One of the items that the campaign's checklist lists.")]
-    done: Annotated[bool, Strict()] = Field(description="false takes the tick away.")
-    note: LongText | None = Field(
-        default=None, description="What was done, and with which equipment; recorded with the item."
-    )
+    key: Annotated[Text, told("One of the items that the campaign's checklist lists.")]
+    done: Annotated[bool, Strict()] = told("false takes the tick away.")
+    note: LongText | None = maybe("What was done, and with which equipment; recorded with the item.")
 
 
 class NewSignature(Form):
-    name: Text = Field(description="The operator's name, as signed below the printed checklist.")
+    name: Text = told("The operator's name, as signed below the printed checklist.")
 
 
 class ChecklistChange(Form):
@@ -63,8 +61,8 @@ class ItemAnswer(Answer, restates=checklist.ChecklistItem):
 
 
 class SignatureAnswer(Answer, restates=ChecklistSignature, fields="name signed_by signed_at state_sha256"):
-    changed: bool = Field(
-        description="Whether details, frames, readings, region or ticks are other than when it was signed."
+    changed: bool = told(
+        "Whether details, frames, readings, region or ticks are other than when it was signed."
     )
 
 
@@ -74,7 +72,7 @@ class ChecklistAnswer(Answer):
     open: int
     items: list[ItemAnswer]
     signature: SignatureAnswer | None = None
-    said: str | None = Field(default=None, description="Why there are no items, where there are none.")
+    said: str | None = maybe("Why there are no items, where there are none.")
 
     @classmethod
     def of(

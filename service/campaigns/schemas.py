@@ -34,67 +34,52 @@ class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields
 
     kind: Annotated[
         campaign.CampaignKind | None,
-        Field(
-            description="`calibration` unless stated. `measurement`: a night of measurements, whose frames "
+        models.told(
+            "`calibration` unless stated. `measurement`: a night of measurements, whose frames "
             "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
             "become one."
         ),
     ] = None
-    project_number: models.Text | None = Field(
-        default=None,
-        description="Number or name under which the work is found again; the campaign and its "
-        "certificates carry it.",
+    project_number: models.Text | None = models.maybe(
+        "Number or name under which the work is found again; the campaign and its certificates carry it."
     )
-    recorder: models.Text | None = Field(
-        default=None, description="Who took the frames and the readings; on the certificate."
-    )
-    customer: models.Text | None = Field(
-        default=None, description="For whom the camera is calibrated; on the certificate."
-    )
-    place: models.Text | None = Field(
-        default=None, description="Where the frames were taken; on the certificate."
-    )
+    recorder: models.Text | None = models.maybe("Who took the frames and the readings; on the certificate.")
+    customer: models.Text | None = models.maybe("For whom the camera is calibrated; on the certificate.")
+    place: models.Text | None = models.maybe("Where the frames were taken; on the certificate.")
     conditions: Annotated[
         models.LongText | None,
-        Field(description="What surrounded the work: temperature, lamp, daylight; on the certificate."),
+        models.told("What surrounded the work: temperature, lamp, daylight; on the certificate."),
     ] = None
-    started_at: models.Instant | None = Field(
-        default=None,
-        description="Beginning of the work in UTC; on the certificate. Campaigns are ordered by it.",
+    started_at: models.Instant | None = models.maybe(
+        "Beginning of the work in UTC; on the certificate. Campaigns are ordered by it."
     )
-    ended_at: models.Instant | None = Field(
-        default=None, description="End of the work in UTC, not before its beginning; on the certificate."
+    ended_at: models.Instant | None = models.maybe(
+        "End of the work in UTC, not before its beginning; on the certificate."
     )
-    time_zone: models.TimeZone | None = Field(
-        default=None,
-        description="Of the camera's clock, for files that state no offset: an IANA name or an offset. Left "
-        "out: UTC for the files of Parrot and MicaSense cameras, else the organisation's.",
+    time_zone: models.TimeZone | None = models.maybe(
+        "Of the camera's clock, for files that state no offset: an IANA name or an offset. Left "
+        "out: UTC for the files of Parrot and MicaSense cameras, else the organisation's."
     )
-    lens: Lens | None = Field(
-        default=None,
-        description="The lens on the camera, where it is not the one registered with it. Fits from now on "
-        "are valid for this lens.",
+    lens: Lens | None = models.maybe(
+        "The lens on the camera, where it is not the one registered with it. Fits from now on "
+        "are valid for this lens."
     )
-    comments: models.LongText | None = Field(
-        default=None, description="Free text; on the certificate. It changes no result."
-    )
+    comments: models.LongText | None = models.maybe("Free text; on the certificate. It changes no result.")
     panel_id: Annotated[
         models.Text | None,
-        Field(
-            description="Of a reflectance campaign; left out: the panel that the files name, or the only one."
-        ),
+        models.told("Of a reflectance campaign; left out: the panel that the files name, or the only one."),
     ] = None
     panel_serial: Annotated[
         models.Text | None,
-        Field(
-            description="In place of `panel_id`: the registered panel of this serial number, or the one that "
+        models.told(
+            "In place of `panel_id`: the registered panel of this serial number, or the one that "
             "`panel_offered` names, which is then registered with the reflectances that its files state."
         ),
     ] = None
     target: Annotated[
         dict[str, Any] | None,
-        Field(
-            description="What is photographed, where the method must know: of geometry the board, of "
+        models.told(
+            "What is photographed, where the method must know: of geometry the board, of "
             "sharpness the edge or the star. Its fields stand on the method's page. A board may be described "
             "later. When it is changed, the campaign's frames are read again.",
             examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
@@ -103,10 +88,10 @@ class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields
 
 
 class NewCampaign(CampaignDetails):
-    camera_id: models.Text = Field(
-        description="The camera that took the frames: frames of another one are refused."
+    camera_id: models.Text = models.told(
+        "The camera that took the frames: frames of another one are refused."
     )
-    method: models.Method = Field(description="What is calibrated; it cannot be changed later.")
+    method: models.Method = models.told("What is calibrated; it cannot be changed later.")
 
 
 _TAKES_AWAY = BeforeValidator(lambda value: None if value == "" else value)
@@ -129,20 +114,19 @@ class CampaignChange(CampaignDetails):
     ended_at: Annotated[
         models.Instant | None,
         _TAKES_AWAY,
-        Field(description="The end of the work in UTC.", json_schema_extra=_or_empty),
+        models.told("The end of the work in UTC.", json_schema_extra=_or_empty),
     ] = None
     lens: Annotated[
         Lens | None,
         _TAKES_AWAY,
-        Field(
-            description='The lens on the camera; "" for the one that is registered with it.',
-            json_schema_extra=_or_empty,
+        models.told(
+            'The lens on the camera; "" for the one that is registered with it.', json_schema_extra=_or_empty
         ),
     ] = None
     camera_id: Annotated[
-        models.Text | None, Field(description="Another camera: every frame is checked against it again.")
+        models.Text | None, models.told("Another camera: every frame is checked against it again.")
     ] = None
-    archived: Annotated[models.Flag | None, Field(description="Put away, or taken out again.")] = None
+    archived: Annotated[models.Flag | None, models.told("Put away, or taken out again.")] = None
 
 
 class FrameCounts(models.Answer, restates=Counts, fields="received being_read extracted refused"):
@@ -159,24 +143,20 @@ class CampaignAnswer(
     kind: campaign.CampaignKind
     frames: FrameCounts | None = None
     readings: int | None = None
-    measured: int | None = Field(
-        default=None, description="Of a night: how many of its frames have a measurement."
+    measured: int | None = models.maybe("Of a night: how many of its frames have a measurement.")
+    panel_offered: PanelOffered | None = models.maybe(
+        "The panel that the frames name, where it is not the campaign's. Send its serial."
     )
-    panel_offered: PanelOffered | None = Field(
-        default=None,
-        description="The panel that the frames name, where it is not the campaign's. Send its serial.",
+    missing: list[str] | None = models.maybe(
+        "What a fit still needs, by name; of a night, what measuring needs."
     )
-    missing: list[str] | None = Field(
-        default=None, description="What a fit still needs, by name; of a night, what measuring needs."
+    advice: list[str] | None = models.maybe("What would make a fit good, by name.")
+    causes: list[models.FindingGroupAnswer] | None = models.maybe(
+        "The same as data, one a code: `error` keeps a fit from starting, `pending` ends by "
+        "itself, `warn` would improve it."
     )
-    advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
-    causes: list[models.FindingGroupAnswer] | None = Field(
-        default=None,
-        description="The same as data, one a code: `error` keeps a fit from starting, `pending` ends by "
-        "itself, `warn` would improve it.",
-    )
-    findings: list[models.FindingGroupAnswer] | None = Field(
-        default=None, description="Reasons of the frames' verdicts, and what holds for the campaign."
+    findings: list[models.FindingGroupAnswer] | None = models.maybe(
+        "Reasons of the frames' verdicts, and what holds for the campaign."
     )
 
 
@@ -212,27 +192,24 @@ class NewRoi(models.Form):
 
     polygon: Annotated[
         list[Point] | None,
-        Field(
+        models.told(
+            "Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
+            "the outline does not cross itself.",
             min_length=3,
             max_length=1000,
-            description="Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
-            "the outline does not cross itself.",
         ),
     ] = None
     imagej: Annotated[
         models.LongText | None,
-        Field(
-            description="A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+        models.told(
+            "A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
             json_schema_extra={"pattern": f"^{_MACRO}$"},
         ),
     ] = None
     regions: Annotated[
         list[NamedRegion] | None,
-        Field(
-            min_length=1,
-            max_length=100,
-            description="For sharpness; each name once.",
-            json_schema_extra=models.EACH_ONCE,
+        models.told(
+            "For sharpness; each name once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
         ),
     ] = None
 
@@ -253,8 +230,8 @@ class RegionAnswer(models.Answer):
 
 class RoiAnswer(models.Answer, restates=Roi, fields="id sha256 created_at"):
     polygon: list[Point]
-    regions: list[RegionAnswer] | None = Field(
-        default=None, description="Of a region in parts; `polygon` is then the rectangle around them."
+    regions: list[RegionAnswer] | None = models.maybe(
+        "Of a region in parts; `polygon` is then the rectangle around them."
     )
 
     @classmethod
@@ -276,26 +253,20 @@ class NewReading(models.Form):
         }
     )
 
-    scene: models.Text = Field(
-        description="The light level that was read: that of the frames with this scene."
-    )
-    quantity: Literal["luminance", "illuminance"] = Field(description="What the meter showed.")
+    scene: models.Text = models.told("The light level that was read: that of the frames with this scene.")
+    quantity: Literal["luminance", "illuminance"] = models.told("What the meter showed.")
     value: Annotated[
         models.Number,
-        Field(
-            gt=0, lt=1e9, description="As the meter showed it. Several readings of a scene give their spread."
-        ),
+        models.told("As the meter showed it. Several readings of a scene give their spread.", gt=0, lt=1e9),
     ]
     unit: Annotated[
         Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
-    ] = Field(description="As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
-    meter_id: models.Text | None = Field(
-        default=None,
-        description="The meter that was read: without it, u(K) does not include its calibration.",
+    ] = models.told("As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
+    meter_id: models.Text | None = models.maybe(
+        "The meter that was read: without it, u(K) does not include its calibration."
     )
-    taken_at: models.Instant | None = Field(
-        default=None,
-        description="When it was read, in UTC: shows whether the lamp drifted between reading and frames.",
+    taken_at: models.Instant | None = models.maybe(
+        "When it was read, in UTC: shows whether the lamp drifted between reading and frames."
     )
     reason: models.Text | None = Field(
         default=None,
@@ -304,11 +275,11 @@ class NewReading(models.Form):
     )
     replaces: Annotated[
         str | None,
-        Field(
-            max_length=200,
-            description="The id of the reading that this one corrects: that one is withdrawn in the moment "
+        models.told(
+            "The id of the reading that this one corrects: that one is withdrawn in the moment "
             'in which this one is recorded. "": it is the first of its scene and quantity. Where another '
             "user was faster, nothing is recorded: 409 `changed_meanwhile`.",
+            max_length=200,
         ),
     ] = None
 

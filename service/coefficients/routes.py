@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from urllib.parse import parse_qsl
 
 from fastapi import Query, Request, Response
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 from pydantic_core import from_json, to_json
 from starlette.concurrency import run_in_threadpool
 
@@ -210,8 +210,8 @@ def _require_camera(context: Context, caller: Caller, camera_id: str) -> None:
 
 
 class CoefficientSeriesQuery(SeriesQuery):
-    start: Instant | None = Field(default=None, alias="from", description="In force at this time or later.")
-    end: Instant | None = Field(default=None, alias="to", description="In force before this time.")
+    start: Instant | None = models.maybe("In force at this time or later.", alias="from")
+    end: Instant | None = models.maybe("In force before this time.", alias="to")
 
 
 _COLUMNS = series.describe_columns(SeriesRow)

@@ -231,14 +231,14 @@ class SeriesRow(models.Answer):
     band: _Word = None
     channel: _Word = None
     model: str
-    flags: str = Field(description="Codes, separated by spaces.")
+    flags: str = models.told("Codes, separated by spaces.")
     valid_from: models.Instant
     valid_to: Annotated[models.Instant | None, Field(json_schema_extra=_NULL)] = None
     campaign_id: str
-    computed_at: models.Instant = Field(description="When the version was fitted.")
+    computed_at: models.Instant = models.told("When the version was fitted.")
 
 
-_NEXT = Field(default=None, description="Where the next rows are. Absent where none are left.")
+_NEXT = models.maybe("Where the next rows are. Absent where none are left.")
 
 
 class SeriesAnswer(models.Answer):
@@ -338,9 +338,8 @@ class CellsAnswer(models.Answer):
     """Cells in the form of GeoJSON; their coordinates are not longitude and latitude."""
 
     type: Literal["FeatureCollection"]
-    coordinates_in: Literal["pixel", "road_m"] = Field(
-        description="`pixel`: x right, y down, of the frame. `road_m`: along and across the lanes from the "
-        "first corner."
+    coordinates_in: Literal["pixel", "road_m"] = models.told(
+        "`pixel`: x right, y down, of the frame. `road_m`: along and across the lanes from the first corner."
     )
     features: list[CellFeatureAnswer]
 
@@ -377,19 +376,16 @@ class SeriesQuery(models.Form):
 
     camera_id: models.Text | None = None
     method: models.Method | None = None
-    computed_from: models.Instant | None = Field(default=None, description="Computed at this time or later.")
-    computed_to: models.Instant | None = Field(default=None, description="Computed before this time.")
-    limit: Annotated[int, Field(ge=1, le=MOST_ROWS)] | None = Field(
-        default=None, description=f"How many rows at most; without it, {ROW_LIMIT:,}."
+    computed_from: models.Instant | None = models.maybe("Computed at this time or later.")
+    computed_to: models.Instant | None = models.maybe("Computed before this time.")
+    limit: Annotated[int, Field(ge=1, le=MOST_ROWS)] | None = models.maybe(
+        f"How many rows at most; without it, {ROW_LIMIT:,}."
     )
-    cursor: models.Text | None = Field(
-        default=None, description="Taken from the `next` address of the answer before."
-    )
-    format: Shape | None = Field(
-        default=None,
-        description="Without it, what `Accept` names first of JSON, CSV, Arrow and Parquet; else JSON. "
+    cursor: models.Text | None = models.maybe("Taken from the `next` address of the answer before.")
+    format: Shape | None = models.maybe(
+        "Without it, what `Accept` names first of JSON, CSV, Arrow and Parquet; else JSON. "
         "`excel` is CSV that Excel opens by itself where numbers have a decimal point, `excel_semicolon` "
-        "where they have a comma.",
+        "where they have a comma."
     )
 
 

@@ -40,8 +40,8 @@ WhichOne = Annotated[Chosen, Query()]
 class DccOptions(Chosen):
     """Entries of a DCC that the certificate lacks."""
 
-    country: str = Field(
-        pattern=problems.COUNTRY, description="Of the laboratory: two letters of ISO 3166.", examples=["DE"]
+    country: str = models.told(
+        "Of the laboratory: two letters of ISO 3166.", pattern=problems.COUNTRY, examples=["DE"]
     )
 
 

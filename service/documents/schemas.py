@@ -11,7 +11,7 @@ from radiometry.specification.method import Scope
 from service.calibrations.schemas import Gap, PersonAnswer
 from service.equipment.schemas import Certificate as MeterCertificate
 from service.equipment.schemas import Lens
-from service.http.models import Answer, Instant, Method
+from service.http.models import Answer, Instant, Method, maybe, told
 from store.queries.calibrations import VersionStatus
 from store.tables import Camera, ChecklistSignature, Publication, Reading
 
@@ -87,22 +87,20 @@ class UsedFrame(Answer):
     """``exposure`` : absent of a chart that states none; ``signal_dn`` : of luminance, from its channel."""
 
     id: str
-    frame: str = Field(description="Its name in the fit: the file's, where no two share one.")
+    frame: str = told("Its name in the fit: the file's, where no two share one.")
     sha256: str
     size_bytes: int
     role: str
     scene: str | None = None
     exposure: dict[str, Any] | None = None
     taken_at: str | None = None
-    clock_offset: str | None = Field(
-        default=None, description="From UTC, as stated for the clock where `taken_at` has none."
-    )
+    clock_offset: str | None = maybe("From UTC, as stated for the clock where `taken_at` has none.")
     roi_sha256: str
-    roi_origin: Literal["found"] | None = Field(
-        default=None, description="The panel was found in the frame; absent where its region was drawn."
+    roi_origin: Literal["found"] | None = maybe(
+        "The panel was found in the frame; absent where its region was drawn."
     )
     roi_found_by: FoundBy | None = None
-    panel_serial: str | None = Field(default=None, description="As the panel's code in the image states it.")
+    panel_serial: str | None = maybe("As the panel's code in the image states it.")
     warnings: list[str]
     signal_dn: float | None = None
     signal_standard_uncertainty_dn: float | None = None
@@ -155,7 +153,7 @@ class CheckedItem(Answer):
     text: str
     done_by: str | None = None
     done_at: Instant | None = None
-    evidence: str | None = Field(default=None, description="What of the record ticks it automatically.")
+    evidence: str | None = maybe("What of the record ticks it automatically.")
     note: str | None = None
 
 
@@ -171,7 +169,7 @@ class Checklist(Answer):
 class Amended(Answer):
     """The certificate that this one amends; it is kept as it was issued."""
 
-    amendment: int = Field(description="Of this document, from 1 on.")
+    amendment: int = told("Of this document, from 1 on.")
     number: str
     issued_at: Instant
     json_sha256: str
@@ -181,9 +179,7 @@ class Issued(Answer):
     """How the certificate was issued; a draft is not."""
 
     at: Instant
-    at_upgrade: bool = Field(
-        description="Whether the version was published before certificates were kept as issued."
-    )
+    at_upgrade: bool = told("Whether the version was published before certificates were kept as issued.")
     amends: Amended | None = None
 
 
@@ -215,47 +211,43 @@ class CertificateAnswer(Answer):
     method: Method
     procedure: str
     equation: str
-    configuration: dict[str, Any] = Field(description="What else it holds for: lens, sunshine sensor.")
+    configuration: dict[str, Any] = told("What else it holds for: lens, sunshine sensor.")
     laboratory: Laboratory
     item: Item
     work: Work
     meters: list[UsedMeter]
     panels: list[UsedPanel]
     traceability: str
-    uncertainty_scope: Scope | None = Field(
-        default=None,
-        description="`relative_only`: the error of the reference's scale is unknown. Absent where the method "
-        "checks no certificate of a reference.",
+    uncertainty_scope: Scope | None = maybe(
+        "`relative_only`: the error of the reference's scale is unknown. Absent where the method "
+        "checks no certificate of a reference."
     )
     readings: list[UsedReading]
     regions: list[Region]
     frames: list[UsedFrame]
-    target: dict[str, Any] | None = Field(default=None, description="What the charts show.")
+    target: dict[str, Any] | None = maybe("What the charts show.")
     parameters: dict[str, Any]
     result: dict[str, Any]
     coefficients: list[CertifiedCoefficient]
     budgets: list[Budget]
-    vignetting: str = Field(description="What the signals were corrected with.")
-    falloff: list[dict[str, Any]] | None = Field(
-        default=None, description="The vignetting version of a luminance K, with its coefficients."
+    vignetting: str = told("What the signals were corrected with.")
+    falloff: list[dict[str, Any]] | None = maybe(
+        "The vignetting version of a luminance K, with its coefficients."
     )
     flags: list[FlagInWords]
-    flight: list[Instant] | None = Field(
-        default=None,
-        description="When the frames of the plot in time were taken: measured with the version, or to be.",
+    flight: list[Instant] | None = maybe(
+        "When the frames of the plot in time were taken: measured with the version, or to be."
     )
     checklist: Checklist
-    software: dict[str, Any] = Field(
-        description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
+    software: dict[str, Any] = told(
+        "The fit code version (`stilb`), the release (`release`) and the packages that fitted."
     )
-    author: str = Field(description="The person who fitted.")
+    author: str = told("The person who fitted.")
     fitted_by: PersonAnswer | None = None
-    approved_by: PersonAnswer | None = Field(
-        default=None, description="Who signs for it. Absent: a draft, or nobody has signed."
-    )
+    approved_by: PersonAnswer | None = maybe("Who signs for it. Absent: a draft, or nobody has signed.")
     created_at: Instant
     issued: Issued | None = None
-    published: list[PublishedBy] = Field(description="The publication that it was issued with.")
-    validity: Validity = Field(description="As published; what was decided since stands with the version.")
+    published: list[PublishedBy] = told("The publication that it was issued with.")
+    validity: Validity = told("As published; what was decided since stands with the version.")
     statements: list[str]
     gaps: list[Gap] = Field(default=[], description="What ISO/IEC 17025, 7.8, asks for and is absent.")

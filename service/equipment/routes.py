@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, get_args, get_type_hints
 
 from fastapi import Query, Request, Response
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -180,13 +180,13 @@ MOST_CAMERAS = 20
 
 
 class NewRig(models.Form):
-    name: models.Text = Field(description="Under which the rig is found again; its exports carry it.")
+    name: models.Text = models.told("Under which the rig is found again; its exports carry it.")
     camera_ids: Annotated[
         list[models.Text],
-        Field(
+        models.told(
+            "The reference camera first.",
             min_length=2,
             max_length=MOST_CAMERAS,
-            description="The reference camera first.",
             json_schema_extra=models.EACH_ONCE,
         ),
     ]
@@ -220,7 +220,7 @@ class RigSetAnswer(models.Answer):
     at: models.Instant
     calibration_ids: list[str]
     orientation: OrientationAnswer
-    findings: list[models.FindingGroupAnswer] = Field(description="Its flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = models.told("Its flags, equal ones as one.")
 
 
 class RigStabilityAnswer(models.Answer, restates=drift.RigStability):
@@ -229,7 +229,7 @@ class RigStabilityAnswer(models.Answer, restates=drift.RigStability):
 
 class RigOrientationAnswer(models.Answer):
     rig_id: str
-    sets: list[RigSetAnswer] = Field(description="In time, the newest last.")
+    sets: list[RigSetAnswer] = models.told("In time, the newest last.")
     stability: list[RigStabilityAnswer]
     left_out: list[VersionLeftOut]
 
@@ -252,21 +252,19 @@ MOST_SETS = 20
 class _Chosen(BaseModel):
     """Which versions orient a rig."""
 
-    calibration_id: list[str] | None = Field(
-        default=None,
-        max_length=20,
-        description="One version of each camera, in any order, in place of the published ones; repeated.",
+    calibration_id: list[str] | None = models.maybe(
+        "One version of each camera, in any order, in place of the published ones; repeated.", max_length=20
     )
 
 
 class _Judged(_Chosen):
     """Query of a rig's stability, with the change between sets that is accepted."""
 
-    tolerance_deg: models.PositiveText | None = Field(
-        default=None, description="Largest accepted change of an angle over all sets."
+    tolerance_deg: models.PositiveText | None = models.maybe(
+        "Largest accepted change of an angle over all sets."
     )
-    tolerance_m: models.PositiveText | None = Field(
-        default=None, description="Largest accepted change of a place over all sets."
+    tolerance_m: models.PositiveText | None = models.maybe(
+        "Largest accepted change of a place over all sets."
     )
 
     @property

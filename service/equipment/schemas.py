@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from service.http import models
 from store.queries.evidence import Offer
@@ -10,28 +10,24 @@ from store.tables import Camera, Meter, Panel, organisation
 
 
 class Lens(models.Form, models.Answer):
-    make: models.Text = Field(description="Manufacturer of the lens.")
-    model: models.Text = Field(description="As engraved on the lens.")
-    serial: models.Text | None = Field(default=None, description="As engraved on the lens, where it has one.")
+    make: models.Text = models.told("Manufacturer of the lens.")
+    model: models.Text = models.told("As engraved on the lens.")
+    serial: models.Text | None = models.maybe("As engraved on the lens, where it has one.")
 
 
 class NewCamera(models.Form):
-    make: models.Text = Field(description="As in the files: DJI.")
-    model: models.Text = Field(description="As in the files: FC6520.")
-    serial: models.Text = Field(
-        description="Of the camera body, as in the files: frames of another body are refused."
+    make: models.Text = models.told("As in the files: DJI.")
+    model: models.Text = models.told("As in the files: FC6520.")
+    serial: models.Text = models.told(
+        "Of the camera body, as in the files: frames of another body are refused."
     )
-    lens: Lens | None = Field(
-        default=None, description="The lens it is calibrated with, where it can be changed."
+    lens: Lens | None = models.maybe("The lens it is calibrated with, where it can be changed.")
+    pixel_pitch_um: models.PixelPitch | None = models.maybe(
+        "Distance of neighbouring pixels on the sensor; without it, geometry gives no lengths in mm."
     )
-    pixel_pitch_um: models.PixelPitch | None = Field(
-        default=None,
-        description="Distance of neighbouring pixels on the sensor; without it, geometry gives no "
-        "lengths in mm.",
-    )
-    sensor_width_mm: models.Positive | None = Field(default=None, description="Of the sensitive area.")
-    note: models.LongText | None = Field(
-        default=None, description="Free text, such as where the camera is kept. It changes no result."
+    sensor_width_mm: models.Positive | None = models.maybe("Of the sensitive area.")
+    note: models.LongText | None = models.maybe(
+        "Free text, such as where the camera is kept. It changes no result."
     )
 
 
@@ -62,26 +58,26 @@ class CameraAnswer(
 
 
 class Certificate(models.Form, models.Answer):
-    number: models.Text = Field(
-        description="As the certificate states it. Without a certificate, u(K) does not include the "
+    number: models.Text = models.told(
+        "As the certificate states it. Without a certificate, u(K) does not include the "
         "calibration of the meter, and K is flagged."
     )
-    laboratory: models.Text = Field(description="Who issued the certificate.")
-    issued_on: models.Day = Field(description="Date of the certificate.")
+    laboratory: models.Text = models.told("Who issued the certificate.")
+    issued_on: models.Day = models.told("Date of the certificate.")
     due_on: Annotated[
         models.Day,
-        Field(
-            description="When the meter is to be calibrated again; certificates name later readings "
+        models.told(
+            "When the meter is to be calibrated again; certificates name later readings "
             "as a gap."
             "Not before `issued_on`."
         ),
     ]
     expanded_uncertainty_rel: Annotated[
         models.Number,
-        Field(gt=0, lt=1, description="U of the reading, relative to it, as the certificate states it."),
+        models.told("U of the reading, relative to it, as the certificate states it.", gt=0, lt=1),
     ]
     coverage_factor: Annotated[
-        models.Number, Field(ge=1, le=10, description="k of the expanded uncertainty U = k u; usually 2.")
+        models.Number, models.told("k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10)
     ]
 
     @model_validator(mode="after")
@@ -92,16 +88,14 @@ class Certificate(models.Form, models.Answer):
 
 
 class NewMeter(models.Form):
-    kind: organisation.MeterKind = Field(
-        description="What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
+    kind: organisation.MeterKind = models.told(
+        "What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
     )
-    make: models.Text = Field(description="Manufacturer of the meter.")
-    model: models.Text = Field(description="As on its type plate.")
-    serial: models.Text = Field(
-        description="As on its type plate: the certificate holds for this meter alone."
-    )
-    certificate: Certificate | None = Field(
-        default=None, description="The calibration certificate that is in force for the readings."
+    make: models.Text = models.told("Manufacturer of the meter.")
+    model: models.Text = models.told("As on its type plate.")
+    serial: models.Text = models.told("As on its type plate: the certificate holds for this meter alone.")
+    certificate: Certificate | None = models.maybe(
+        "The calibration certificate that is in force for the readings."
     )
 
     def columns(self) -> dict[str, Any]:
@@ -127,25 +121,23 @@ class PanelBand(models.Form, models.Answer):
 
     band: models.BandName
     reflectance: Annotated[
-        models.Number, Field(gt=0, le=1.2, description="A share; over 1 only for a glossy panel.")
+        models.Number, models.told("A share; over 1 only for a glossy panel.", gt=0, le=1.2)
     ]
     standard_uncertainty: Annotated[
-        models.Number | None, Field(ge=0, lt=1, description="Absolute, as the reflectance is; k = 1.")
+        models.Number | None, models.told("Absolute, as the reflectance is; k = 1.", ge=0, lt=1)
     ] = None
     origin: Annotated[
         Literal["file"] | None,
-        Field(description="`file`: as the camera or the panel's code states it, on a day that is not known."),
+        models.told("`file`: as the camera or the panel's code states it, on a day that is not known."),
     ] = None
 
 
 class NewPanel(models.Form):
-    serial: models.Text = Field(description="As printed on the panel, or in its code.")
-    measured_on: models.Day = Field(description="When its reflectance was measured: panels age.")
+    serial: models.Text = models.told("As printed on the panel, or in its code.")
+    measured_on: models.Day = models.told("When its reflectance was measured: panels age.")
     bands: Annotated[
         list[PanelBand],
-        Field(
-            min_length=1, max_length=100, description="Each band once.", json_schema_extra=models.EACH_ONCE
-        ),
+        models.told("Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE),
     ]
 
     @model_validator(mode="after")
@@ -164,7 +156,7 @@ class NewPanel(models.Form):
 class PanelOffered(models.Answer, restates=Offer, fields="serial registered"):
     """The panel that a campaign's frames name, where it is not the campaign's."""
 
-    bands: list[PanelBand] = Field(description="As the files or the panel's code state them; may be empty.")
+    bands: list[PanelBand] = models.told("As the files or the panel's code state them; may be empty.")
 
 
 class PanelAnswer(models.Answer, restates=Panel, fields="id serial measured_on created_at"):

@@ -26,7 +26,7 @@ from service.campaigns.schemas import Role
 from service.http import lookup, operations, tables
 from service.http.auth import Reader
 from service.http.context import UsesContext
-from service.http.models import Answer, Form
+from service.http.models import Answer, Form, maybe, told
 from service.http.problems import wrong
 from service.tools.routes import KM_H_PER_M_S
 from store.codec import decode_exposure, decode_header
@@ -36,13 +36,9 @@ from store.tables import Camera, Campaign, FrameRow
 class FrameOptics(Form):
     """Optics that convert an angle to pixels; files do not state them reliably."""
 
-    pixel_pitch_um: Annotated[
-        float | None, Field(ge=0.01, le=1e4, description="Else that of the camera's record.")
-    ] = None
+    pixel_pitch_um: Annotated[float | None, told("Else that of the camera's record.", ge=0.01, le=1e4)] = None
     focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
-    limit_px: Annotated[float, Field(ge=1e-3, le=1e5, description="Of the theoretical motion.")] = (
-        USUAL_LIMIT_PX
-    )
+    limit_px: Annotated[float, told("Of the theoretical motion.", ge=1e-3, le=1e5)] = USUAL_LIMIT_PX
 
     def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
         return MotionCase(
@@ -57,16 +53,14 @@ class FrameOptics(Form):
 class CampaignOptics(FrameOptics):
     """The same for a campaign's frames, and how the aircraft flew, which no file says."""
 
-    ground_speed_m_s: Annotated[
-        float | None, Field(ge=0, le=1e5, description="With distance_m, and only then.")
-    ] = None
+    ground_speed_m_s: Annotated[float | None, told("With distance_m, and only then.", ge=0, le=1e5)] = None
     ground_speed_km_h: Annotated[
-        float | None, Field(ge=0, le=1e5, description="In place of ground_speed_m_s, never with it.")
+        float | None, told("In place of ground_speed_m_s, never with it.", ge=0, le=1e5)
     ] = None
     distance_m: Annotated[
-        float | None, Field(ge=1e-3, le=1e7, description="Height above ground; with a speed, and only then.")
+        float | None, told("Height above ground; with a speed, and only then.", ge=1e-3, le=1e7)
     ] = None
-    role: Annotated[Role | None, Field(description="Only frames of this role.")] = None
+    role: Annotated[Role | None, told("Only frames of this role.")] = None
     format: Literal["json", "csv"] = "json"
 
     @model_validator(mode="after")
@@ -93,7 +87,7 @@ class CampaignOptics(FrameOptics):
 class TurnAnswer(Answer, restates=Turn):
     """Turn between two records, about the body's own axes."""
 
-    tilt_rate_deg_s: float = Field(description="Of roll and pitch together.")
+    tilt_rate_deg_s: float = told("Of roll and pitch together.")
 
 
 class FrameMotionAnswer(
@@ -102,11 +96,11 @@ class FrameMotionAnswer(
     """Blur of one frame from the attitudes that it records; rotation alone."""
 
     frame_id: str
-    rotation_rate_deg_s: float = Field(description="Of the line of sight: roll and pitch together.")
-    rotation_blur_px: float = Field(description="Theoretical, in the centre of the picture.")
-    practical_blur_px: float = Field(description="Half of the theoretical blur.")
-    tolerable_rate_deg_s: float = Field(description="At which the theoretical blur reaches limit_px.")
-    turns: list[TurnAnswer] = Field(description="From every record of the file to the next.")
+    rotation_rate_deg_s: float = told("Of the line of sight: roll and pitch together.")
+    rotation_blur_px: float = told("Theoretical, in the centre of the picture.")
+    practical_blur_px: float = told("Half of the theoretical blur.")
+    tolerable_rate_deg_s: float = told("At which the theoretical blur reaches limit_px.")
+    turns: list[TurnAnswer] = told("From every record of the file to the next.")
 
     @classmethod
     def of(
@@ -133,26 +127,22 @@ class FrameMotionRow(Answer):
     scene: str | None = None
     taken_at: str | None = None
     exposure_time_s: float | None = None
-    basis: Basis | None = Field(default=None, description="Which records the rate is from.")
-    rotation_rate_deg_s: float | None = Field(default=None, description="Of roll and pitch together.")
+    basis: Basis | None = maybe("Which records the rate is from.")
+    rotation_rate_deg_s: float | None = maybe("Of roll and pitch together.")
     yaw_rate_deg_s: float | None = None
-    rotation_blur_px: float | None = Field(default=None, description="Theoretical, in the centre.")
-    corner_blur_px: float | None = Field(
-        default=None, description="Theoretical, of rotation alone, in the worst corner."
+    rotation_blur_px: float | None = maybe("Theoretical, in the centre.")
+    corner_blur_px: float | None = maybe("Theoretical, of rotation alone, in the worst corner.")
+    forward_blur_px: float | None = maybe("Theoretical, of the stated speed.")
+    theoretical_blur_px: float | None = maybe(
+        "Rotation and speed together, in the centre, in the worst direction."
     )
-    forward_blur_px: float | None = Field(default=None, description="Theoretical, of the stated speed.")
-    theoretical_blur_px: float | None = Field(
-        default=None, description="Rotation and speed together, in the centre, in the worst direction."
+    practical_blur_px: float | None = maybe("Half of the theoretical blur.")
+    tolerable_rate_deg_s: float | None = maybe(
+        "Of rotation alone, at which the theoretical blur reaches limit_px."
     )
-    practical_blur_px: float | None = Field(default=None, description="Half of the theoretical blur.")
-    tolerable_rate_deg_s: float | None = Field(
-        default=None, description="Of rotation alone, at which the theoretical blur reaches limit_px."
-    )
-    within_limit: bool | None = Field(
-        default=None, description="Whether the theoretical blur is at most limit_px; absent: unknown."
-    )
+    within_limit: bool | None = maybe("Whether the theoretical blur is at most limit_px; absent: unknown.")
     missing_code: str | None = None
-    missing: str | None = Field(default=None, description="Why there is no rate, and what to do.")
+    missing: str | None = maybe("Why there is no rate, and what to do.")
 
 
 COLUMNS = list(FrameMotionRow.model_fields)
@@ -189,7 +179,7 @@ class CampaignMotionAnswer(Answer):
     ground_speed_m_s: float | None = None
     distance_m: float | None = None
     frames: int
-    with_rates: int = Field(description="Frames whose rotation is known.")
+    with_rates: int = told("Frames whose rotation is known.")
     within_limit: int
     beyond_limit: int
     rows: list[FrameMotionRow]

@@ -112,22 +112,21 @@ class NewLook(models.Form):
     """Corners of a region that is not set yet."""
 
     polygon: Annotated[
-        list[Point],
-        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+        list[Point], models.told("Corners [x, y] in pixels, x right, y down.", min_length=3, max_length=1000)
     ]
 
 
 class GridLook(models.Answer):
     """A grid as it would be measured."""
 
-    corners: list[list[float]] = Field(description="[x, y] in pixels of the field between two luminaires.")
+    corners: list[list[float]] = models.told("[x, y] in pixels of the field between two luminaires.")
     rows: int
     columns: int
-    point_u_m: float | None = Field(
-        default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
+    point_u_m: float | None = models.maybe(
+        "Of lanes: largest standard uncertainty of a point's place on the road."
     )
     flags: list[schemas.FlagAnswer]
-    findings: list[models.FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = models.told("The flags, equal ones as one.")
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])
@@ -209,16 +208,14 @@ _Level = Annotated[models.Number, Field(ge=0, le=65_535)]
 class NewCrop(models.Form):
     """A window of the frame, and the range of raw values that its grey scale shows."""
 
-    row0_px: _Start = Field(description="First row, from the top.")
-    col0_px: _Start = Field(description="First column, from the left.")
+    row0_px: _Start = models.told("First row, from the top.")
+    col0_px: _Start = models.told("First column, from the left.")
     height_px: _Side
     width_px: _Side
-    low_dn: _Level | None = Field(
-        default=None, description="Shown black. Default: the black level, or what is darker in the window."
+    low_dn: _Level | None = models.maybe(
+        "Shown black. Default: the black level, or what is darker in the window."
     )
-    high_dn: _Level | None = Field(
-        default=None, description="Shown white. Default: the window's brightest but a thousandth."
-    )
+    high_dn: _Level | None = models.maybe("Shown white. Default: the window's brightest but a thousandth.")
 
     @model_validator(mode="after")
     def _range_is_one(self) -> Self:
@@ -282,9 +279,9 @@ _Wanted = Annotated[str, StringConstraints(max_length=60, pattern=r"^[A-Za-z0-9_
 
 class ThumbnailAnswer(models.Answer):
     frame_id: str
-    tag: str = Field(description="As in the grid's column `thumbnail`.")
-    picture: str = Field(
-        description="WebP of at most 40 kB, in base64.",
+    tag: str = models.told("As in the grid's column `thumbnail`.")
+    picture: str = models.told(
+        "WebP of at most 40 kB, in base64.",
         json_schema_extra={"contentEncoding": "base64", "contentMediaType": "image/webp"},
     )
 

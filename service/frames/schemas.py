@@ -11,7 +11,19 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import METHODS, findings
 from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
-from service.http.models import Answer, Clearable, Flag, Form, Instant, LongText, Positive, PositiveText, Text
+from service.http.models import (
+    Answer,
+    Clearable,
+    Flag,
+    Form,
+    Instant,
+    LongText,
+    Positive,
+    PositiveText,
+    Text,
+    maybe,
+    told,
+)
 from store import blobs, codec
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
@@ -27,17 +39,15 @@ class Upload(Form):
     """Statements of the field team about the file that it sends."""
 
     role: Role
-    scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
-    filename: Annotated[str | None, Field(min_length=1, description="Its name; folders are left out.")] = None
-    exposure_time_s: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = (
-        None
-    )
-    f_number: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
-    iso: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    scene: Annotated[Text | None, told("The light level that a light frame belongs to.")] = None
+    filename: Annotated[str | None, told("Its name; folders are left out.", min_length=1)] = None
+    exposure_time_s: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
+    f_number: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
+    iso: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
     roi: Annotated[
         LongText | None,
-        Field(
-            description="The frame's own region, where the camera has moved: [[x,y],...], or a "
+        told(
+            "The frame's own region, where the camera has moved: [[x,y],...], or a "
             "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
             json_schema_extra={"pattern": REGION_PATTERN},
         ),
@@ -50,29 +60,25 @@ class Upload(Form):
 class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
-    role: Role | None = Field(
-        default=None, description="What the frame shows: it decides what it is used for."
+    role: Role | None = maybe("What the frame shows: it decides what it is used for.")
+    scene: Annotated[Clearable | None, told('The light level that it shows; "" for a frame without one.')] = (
+        None
     )
-    scene: Annotated[
-        Clearable | None, Field(description='The light level that it shows; "" for a frame without one.')
-    ] = None
     left_out: Annotated[
-        Flag | None, Field(description="Keep the frame, and leave it out of every fit and batch measurement.")
+        Flag | None, told("Keep the frame, and leave it out of every fit and batch measurement.")
     ] = None
-    reason: Annotated[LongText | None, Field(description="Why it is left out.")] = None
-    withdrawn: Annotated[
-        Flag | None, Field(description="Take the frame out of its campaign; false restores it.")
-    ] = None
-    exposure_time_s: Positive | None = Field(default=None, description="For a file that does not say it.")
-    f_number: Positive | None = Field(default=None, description="For a file that does not say it.")
-    iso: Positive | None = Field(default=None, description="For a file that does not say it.")
+    reason: Annotated[LongText | None, told("Why it is left out.")] = None
+    withdrawn: Annotated[Flag | None, told("Take the frame out of its campaign; false restores it.")] = None
+    exposure_time_s: Positive | None = maybe("For a file that does not say it.")
+    f_number: Positive | None = maybe("For a file that does not say it.")
+    iso: Positive | None = maybe("For a file that does not say it.")
 
 
 class ExpectedFrame(Form):
     """A frame as its user saw it."""
 
     role: Role | None = None
-    scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
+    scene: Annotated[Clearable | None, told('"" for a frame without one.')] = None
     left_out: Flag | None = None
     withdrawn: Flag | None = None
 
@@ -81,10 +87,9 @@ class FramesChange(FrameChange):
     """The same correction of many frames of one campaign."""
 
     frame_ids: Annotated[list[Text], Field(min_length=1, max_length=MOST_FRAMES)]
-    expected: ExpectedFrame | None = Field(
-        default=None,
-        description="As all of them were seen: if one has been changed meanwhile, none is, and the answer is "
-        "409 `changed_meanwhile`.",
+    expected: ExpectedFrame | None = maybe(
+        "As all of them were seen: if one has been changed meanwhile, none is, and the answer is "
+        "409 `changed_meanwhile`."
     )
 
 
@@ -106,7 +111,7 @@ class Refusal(Answer):
 
 class ReasonAnswer(Answer, restates=Reason):
     code: ReasonCode
-    detail: str = Field(description="A sentence with the numbers and what to do.")
+    detail: str = told("A sentence with the numbers and what to do.")
 
 
 class VerdictAnswer(Answer, restates=verdicts.Verdict):
@@ -117,12 +122,10 @@ class StatisticsRow(Answer, restates=ChannelStatistics):
     """One channel in one region; raw DN, black not subtracted."""
 
     roi: str
-    i_sq: float | None = Field(
-        default=None, description="Of a band: the region's mean after black, then vignetting."
-    )
+    i_sq: float | None = maybe("Of a band: the region's mean after black, then vignetting.")
     i_sq_standard_uncertainty: float | None = None
     i_sq_unit: str | None = None
-    gradient_rel: float | None = Field(default=None, description="How much i_sq changes across the region.")
+    gradient_rel: float | None = maybe("How much i_sq changes across the region.")
     extractor: str
 
     @classmethod
@@ -136,9 +139,9 @@ class SunshineAnswer(Answer):
     i_ss: float
     standard_uncertainty: float
     unit: str
-    readings: int = Field(description="Valid ones.")
-    spread_rel: float | None = Field(default=None, description="Of the valid readings; none for one.")
-    left_out: list[str] = Field(description="Why the others are not valid.")
+    readings: int = told("Valid ones.")
+    spread_rel: float | None = maybe("Of the valid readings; none for one.")
+    left_out: list[str] = told("Why the others are not valid.")
     serial: str | None = None
 
 
@@ -152,23 +155,22 @@ class FrameAnswer(Answer):
     campaign_id: str
     sha256: str
     size_bytes: int | None = None
-    stored_file: blobs.Damage | None = Field(
-        default=None, description="What the disk did to the file: upload it again, which heals it."
+    stored_file: blobs.Damage | None = maybe(
+        "What the disk did to the file: upload it again, which heals it."
     )
     filename: str
     role: Role
     scene: str | None = None
     roi_id: str | None = None
-    roi_origin: Literal["drawn", "found"] | None = Field(
-        default=None, description="Of the frame's own region: drawn by a person, or found on a panel."
+    roi_origin: Literal["drawn", "found"] | None = maybe(
+        "Of the frame's own region: drawn by a person, or found on a panel."
     )
-    roi_found_by: FoundBy | None = Field(
-        default=None,
-        description="How it was found: by the panel's code, in the file's `ReflectArea`, or from another "
-        "band of the capture. A drawn region goes before a found one.",
+    roi_found_by: FoundBy | None = maybe(
+        "How it was found: by the panel's code, in the file's `ReflectArea`, or from another "
+        "band of the capture. A drawn region goes before a found one."
     )
-    panel_serial: str | None = Field(
-        default=None, description="Of the panel that the frame shows, by its code in the image or the file."
+    panel_serial: str | None = maybe(
+        "Of the panel that the frame shows, by its code in the image or the file."
     )
     supplied: dict[str, float] | None = None
     state: campaign.FrameState
@@ -176,35 +178,30 @@ class FrameAnswer(Answer):
     exposure_time_s: float | None = None
     f_number: float | None = None
     iso: float | None = None
-    exposure: dict[str, Any] | None = Field(
-        default=None, description="Nominal and APEX values and their origin."
-    )
-    black_level_dn: float | None = Field(default=None, description="Mean over the sites of the CFA pattern.")
-    white_level_dn: float | None = Field(default=None, description="The lowest of the sites.")
+    exposure: dict[str, Any] | None = maybe("Nominal and APEX values and their origin.")
+    black_level_dn: float | None = maybe("Mean over the sites of the CFA pattern.")
+    white_level_dn: float | None = maybe("The lowest of the sites.")
     cfa: str | None = None
     width_px: int | None = None
     height_px: int | None = None
     taken_at: str | None = None
-    metadata: dict[str, Any] | None = Field(
-        default=None, description="Everything that the file says of itself."
-    )
-    band: str | None = Field(default=None, description="Of a multispectral camera's file.")
-    capture_id: str | None = Field(default=None, description="The same in all bands of one capture.")
+    metadata: dict[str, Any] | None = maybe("Everything that the file says of itself.")
+    band: str | None = maybe("Of a multispectral camera's file.")
+    capture_id: str | None = maybe("The same in all bands of one capture.")
     sunshine: SunshineAnswer | None = None
-    sunshine_missing: SunshineMissing | None = Field(
-        default=None, description="Why a multispectral file has no sunshine reading that can be used."
+    sunshine_missing: SunshineMissing | None = maybe(
+        "Why a multispectral file has no sunshine reading that can be used."
     )
     refusal: Refusal | None = None
-    left_out: dict[str, str] | None = Field(default=None, description="Who left it out, and why.")
+    left_out: dict[str, str] | None = maybe("Who left it out, and why.")
     withdrawn_at: Instant | None = None
     warnings: list[str]
     statistics: list[StatisticsRow]
-    verdict: VerdictAnswer | None = Field(
-        default=None,
-        description="Of the campaign as it is now. Left out where an upload or a change "
-        "finds nothing to do: ask for the frame.",
+    verdict: VerdictAnswer | None = maybe(
+        "Of the campaign as it is now. Left out where an upload or a change "
+        "finds nothing to do: ask for the frame."
     )
-    job_id: str | None = Field(default=None, description="The newest job that reads it.")
+    job_id: str | None = maybe("The newest job that reads it.")
     created_at: Instant
 
     @classmethod

@@ -139,6 +139,16 @@ Instant = Annotated[
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 
+def told(sentence: str, **more: Any) -> Any:  # noqa: ANN401  as pydantic's
+    """Return a field with its sentence."""
+    return Field(description=sentence, **more)
+
+
+def maybe(sentence: str, **more: Any) -> Any:  # noqa: ANN401  as pydantic's
+    """Return a field that may be left out, or be absent, with its sentence."""
+    return told(sentence, default=None, **more)
+
+
 class Form(BaseModel):
     """Request body: unknown fields, null and numbers that are none are refused by name."""
 

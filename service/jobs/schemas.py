@@ -17,11 +17,10 @@ class JobAnswer(
     state: job.JobState
     progress: float = Field(ge=0, le=1)
     error: models.ProblemAnswer | None = None
-    filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
-    campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
-    next_attempt_at: models.Instant | None = Field(
-        default=None,
-        description="When a job is tried again that waits for what `error.waits_for` names, if not sooner.",
+    filename: str | None = models.maybe("Of the frame that it works on, where it is one.")
+    campaign_id: str | None = models.maybe("The campaign of that frame, or its subject.")
+    next_attempt_at: models.Instant | None = models.maybe(
+        "When a job is tried again that waits for what `error.waits_for` names, if not sooner."
     )
 
     @classmethod
@@ -44,8 +43,8 @@ class RetriedJobs(models.Form):
 
     state: Literal["failed", "quarantined"]
     kind: job.JobKind | None = None
-    code: models.Text | None = Field(default=None, description="The code of the error that they ended with.")
-    campaign_id: models.Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
+    code: models.Text | None = models.maybe("The code of the error that they ended with.")
+    campaign_id: models.Text | None = models.maybe("Jobs on this campaign and its frames.")
 
 
 class DismissedJobs(RetriedJobs):
@@ -55,7 +54,7 @@ class DismissedJobs(RetriedJobs):
 
 
 class DismissedAnswer(models.Answer):
-    dismissed: int = Field(ge=0, description="How many jobs were changed.")
+    dismissed: int = models.told("How many jobs were changed.", ge=0)
 
 
 class JobCauseAnswer(models.Answer):
@@ -70,7 +69,7 @@ class JobCausesAnswer(models.Answer):
 
 
 class RetriedAnswer(models.Answer):
-    retried: int = Field(ge=0, description="How many jobs are queued again.")
+    retried: int = models.told("How many jobs are queued again.", ge=0)
 
 
 class QueueAnswer(models.Answer):
@@ -79,10 +78,10 @@ class QueueAnswer(models.Answer):
     succeeded: int
     failed: int
     quarantined: int
-    more: list[job.JobState] = Field(
-        description=f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
+    more: list[job.JobState] = models.told(
+        f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
     )
-    oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
+    oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
 
     @classmethod
     def of(cls, queue: Queue) -> "QueueAnswer":

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from fastapi import Query, Request, Response
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from radiometry.findings import interface
 from radiometry.maps import (
@@ -58,28 +58,28 @@ class LevelsOfMap(models.Form):
     levels: Annotated[
         str | None,
         AfterValidator(_check_levels),
-        Field(
-            max_length=500,
-            description=f"1 to {MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
+        models.told(
+            f"1 to {MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
             "ones between the 1st and the 99th percentile of the area.",
+            max_length=500,
             examples=["0.5,1,2"],
             json_schema_extra=_LEVELS,
         ),
     ] = None
-    area: Annotated[maps.Area, Field(description=_AREA)] = "frame"
+    area: Annotated[maps.Area, models.told(_AREA)] = "frame"
     step: Annotated[
         int | None,
-        Field(
+        models.told(
+            "Side of the squares over which the map is averaged first [px]. Left out: as small "
+            "as noise between neighbouring levels allows.",
             ge=1,
             le=1024,
-            description="Side of the squares over which the map is averaged first [px]. Left out: as small "
-            "as noise between neighbouring levels allows.",
         ),
     ] = None
     coordinates: Annotated[
         Coordinates | None,
-        Field(
-            description="`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
+        models.told(
+            "`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
             "only. `wgs84`: longitude and latitude. Left out: `wgs84` where the map has a place, else "
             "`pixel`."
         ),
@@ -94,19 +94,18 @@ class IsolineGeometry(models.Answer):
 class IsolineProperties(models.Answer):
     level: float
     unit: str
-    standard_uncertainty: float | None = Field(
-        default=None,
-        description="Of the level, from what all pixels share: it moves all lines of it together.",
+    standard_uncertainty: float | None = models.maybe(
+        "Of the level, from what all pixels share: it moves all lines of it together."
     )
-    own_uncertainty: float | None = Field(
-        default=None, description="Upper bound of the noise of one square's mean: it ruffles the lines."
+    own_uncertainty: float | None = models.maybe(
+        "Upper bound of the noise of one square's mean: it ruffles the lines."
     )
-    place_u_px: float | None = Field(
-        default=None, description="Both uncertainties together, over the median slope across the lines."
+    place_u_px: float | None = models.maybe(
+        "Both uncertainties together, over the median slope across the lines."
     )
-    too_dark: bool = Field(description="True if the level is not distinguished from zero.")
+    too_dark: bool = models.told("True if the level is not distinguished from zero.")
     lines: int
-    rings_left_out: int = Field(description="Rings around a single square, which noise alone draws.")
+    rings_left_out: int = models.told("Rings around a single square, which noise alone draws.")
 
 
 class IsolineFeature(models.Answer):
@@ -122,16 +121,12 @@ class IsolinesAnswer(models.Answer):
     type: Literal["FeatureCollection"]
     coordinates_in: Coordinates
     area: maps.Area
-    step_px: int = Field(description="Side of the squares [px] that are averaged: finer detail is not drawn.")
-    tolerance_px: float = Field(description="How far lines are moved where points are left out of them.")
-    vertices: int = Field(description=f"Of all lines; at most {MOST_VERTICES}.")
-    unknown_share: float = Field(
-        description="Squares of the area with a saturated pixel; no line crosses them."
-    )
-    place_u_m: float | None = Field(
-        default=None, description="Of `wgs84`: largest, with that of the transformation."
-    )
-    notes: list[str] = Field(description="What the uncertainty does not contain.")
+    step_px: int = models.told("Side of the squares [px] that are averaged: finer detail is not drawn.")
+    tolerance_px: float = models.told("How far lines are moved where points are left out of them.")
+    vertices: int = models.told(f"Of all lines; at most {MOST_VERTICES}.")
+    unknown_share: float = models.told("Squares of the area with a saturated pixel; no line crosses them.")
+    place_u_m: float | None = models.maybe("Of `wgs84`: largest, with that of the transformation.")
+    notes: list[str] = models.told("What the uncertainty does not contain.")
     features: list[IsolineFeature]
 
 

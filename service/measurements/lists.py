@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
-from pydantic import Field
 
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography
@@ -15,7 +14,7 @@ from service.coefficients import series
 from service.http import answers, lookup, operations, tables
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
-from service.http.models import Instant, Text
+from service.http.models import Instant, Text, maybe
 from service.http.problems import Problem
 from service.measurements.routes import OfCalibration
 from store.ready.rows import COLUMNS, read_row
@@ -81,12 +80,10 @@ router = operations.Router(prefix="/v1", tags=["measurements"])
 class MeasurementSeriesQuery(series.SeriesQuery):
     campaign_id: Text | None = None
     calibration_id: OfCalibration = None
-    start: Instant | None = Field(
-        default=None,
-        alias="from",
-        description="Of frames taken at this time or later, as far as the file names a time zone.",
+    start: Instant | None = maybe(
+        "Of frames taken at this time or later, as far as the file names a time zone.", alias="from"
     )
-    end: Instant | None = Field(default=None, alias="to", description="Of frames taken before this time.")
+    end: Instant | None = maybe("Of frames taken before this time.", alias="to")
 
 
 _COLUMNS = series.describe_columns(series.MeasurementSeriesRow)  # type: ignore[arg-type]

@@ -147,7 +147,7 @@ def _add(sums: NDArray[np.float64], part: Values, *, row: int, col: int, step: i
 
 
 _Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
-_Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: up to the border.")]
+_Size = Annotated[int | None, models.told("Left out: up to the border.", ge=1, lt=1_000_000)]
 
 
 Layer = Literal["value", "expanded_uncertainty_rel"]
@@ -158,12 +158,12 @@ class MapWindow(models.Form):
 
     layer: Annotated[
         Layer,
-        Field(
-            description="`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
+        models.told(
+            "`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
             "(95 %, k as in `uncertainty`) of each mean over that mean."
         ),
     ] = "value"
-    step: Annotated[int, Field(ge=1, le=4096, description="The side of the squares, in pixels.")] = 1
+    step: Annotated[int, models.told("The side of the squares, in pixels.", ge=1, le=4096)] = 1
     top: _Pixel = 0
     left: _Pixel = 0
     height: _Size = None
@@ -181,36 +181,34 @@ _Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
 class ValueUncertainty(models.Answer):
     """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
 
-    u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
-    u_constant: float = Field(description="Of the dark signal and of stray light: the same in every pixel.")
-    u_pixel: float = Field(
-        description="A single pixel's own, as it was found in the measured region; a mean over a square "
+    u_rel: float = models.told("Of K, meter, time, f-number: the same share in every pixel.")
+    u_constant: float = models.told("Of the dark signal and of stray light: the same in every pixel.")
+    u_pixel: float = models.told(
+        "A single pixel's own, as it was found in the measured region; a mean over a square "
         "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
         "pixels share raw values."
     )
-    coverage_factor: float | None = Field(
-        default=None, description="k for a coverage probability of 95 %, as of the region's mean; else 2."
+    coverage_factor: float | None = models.maybe(
+        "k for a coverage probability of 95 %, as of the region's mean; else 2."
     )
-    effective_dof: float | None = Field(default=None, description="Absent if they are without limit.")
+    effective_dof: float | None = models.maybe("Absent if they are without limit.")
 
 
 class MapValuesAnswer(models.Answer):
     layer: Layer
-    unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance, an index or a share.')
-    height_px: int = Field(description="Of the whole map.")
+    unit: str = models.told('As in map.tif: "cd/m2", or "1" of a reflectance, an index or a share.')
+    height_px: int = models.told("Of the whole map.")
     width_px: int
     top: int
     left: int
     step: int
-    values: list[list[_Value]] = Field(
-        description="Rows of columns; the mean of `step` x `step` pixels. null: saturated, or not defined."
+    values: list[list[_Value]] = models.told(
+        "Rows of columns; the mean of `step` x `step` pixels. null: saturated, or not defined."
     )
-    uncertainty: ValueUncertainty | None = Field(
-        default=None,
-        description="Of values; absent of an index, whose uncertainty follows no such rule, and of other "
-        "layers.",
+    uncertainty: ValueUncertainty | None = models.maybe(
+        "Of values; absent of an index, whose uncertainty follows no such rule, and of other layers."
     )
-    notes: list[str] = Field(description="What the uncertainty of a place does not contain.")
+    notes: list[str] = models.told("What the uncertainty of a place does not contain.")
 
     @classmethod
     def of(
@@ -254,7 +252,7 @@ class StacItem(models.Answer):
     stac_extensions: list[str]
     id: str
     geometry: FootprintAnswer | None = Field(json_schema_extra={"nullable_on_purpose": True})
-    bbox: list[float] | None = Field(default=None, description="Absent where there is no geometry.")
+    bbox: list[float] | None = models.maybe("Absent where there is no geometry.")
     properties: dict[str, Any]
     links: list[dict[str, str]]
     assets: dict[str, dict[str, Any]]

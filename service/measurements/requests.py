@@ -12,7 +12,7 @@ from radiometry.frame.roi import Polygon, parse_imagej
 from radiometry.methods import METHODS
 from service.calibrations.methods import make_fields
 from service.campaigns.schemas import NewRoi, Point, Reflectance
-from service.http.models import WHOLE, Answer, Form, Number, Text
+from service.http.models import WHOLE, Answer, Form, Number, Text, maybe, told
 from service.http.problems import invalid, located, wrong
 from service.jobs.schemas import JobAnswer
 from store.queries.campaigns import Drawing
@@ -39,26 +39,24 @@ class NewGrid(Form):
 
     corners: Annotated[
         list[Point],
-        Field(
+        told(
+            "[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
+            "bottom-left; of lanes the first two along them, the field beginning at the first.",
             min_length=4,
             max_length=4,
-            description="[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
-            "bottom-left; of lanes the first two along them, the field beginning at the first.",
         ),
     ]
-    rows: Side | None = Field(default=None, description="Of cells, from the top edge to the bottom edge.")
-    columns: Side | None = Field(default=None, description="Of cells, from the left edge to the right edge.")
-    lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = Field(
-        default=None, description="In place of rows and columns: three rows a lane, ten columns or more."
+    rows: Side | None = maybe("Of cells, from the top edge to the bottom edge.")
+    columns: Side | None = maybe("Of cells, from the left edge to the right edge.")
+    lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = maybe(
+        "In place of rows and columns: three rows a lane, ten columns or more."
     )
-    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = Field(
-        default=None, description="Of each lane, on the road."
+    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = maybe("Of each lane, on the road.")
+    spacing_m: Annotated[Number, Field(ge=5, le=150)] | None = maybe(
+        "Of the luminaires: the length of the field."
     )
-    spacing_m: Annotated[Number, Field(ge=5, le=150)] | None = Field(
-        default=None, description="Of the luminaires: the length of the field."
-    )
-    length_m: Annotated[Number, Field(ge=1, le=300)] | None = Field(
-        default=None, description="Of the rectangle along the lanes, where it is not the spacing."
+    length_m: Annotated[Number, Field(ge=1, le=300)] | None = maybe(
+        "Of the rectangle along the lanes, where it is not the spacing."
     )
     corner_u_px: Annotated[Number, Field(gt=0, le=100)] = Field(
         default=2.0, description="Standard uncertainty of each coordinate of a corner."
@@ -80,58 +78,51 @@ CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
 class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]
     """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
 
-    calibration_id: Annotated[
-        Text | None, Field(description="Else the version in force when the frame was taken.")
-    ] = None
+    calibration_id: Annotated[Text | None, told("Else the version in force when the frame was taken.")] = None
     roi: Annotated[
-        NewRoi | None,
-        Field(description="Else the outline of `grid`, else the frame's region, else the campaign's."),
+        NewRoi | None, told("Else the outline of `grid`, else the frame's region, else the campaign's.")
     ] = None
-    grid: NewGrid | None = Field(default=None, description="Cells of the surface, each with its own value.")
+    grid: NewGrid | None = maybe("Cells of the surface, each with its own value.")
     reflectance: Annotated[
         Reflectance | None,
-        Field(
-            description="Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."
-        ),
+        told("Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."),
     ] = None
     incidence_angle_deg: Annotated[
         Number | None,
-        Field(
-            ge=0,
-            le=60,
-            description="Of reflectance: between the surface's normal and the light; else that of the fit.",
+        told(
+            "Of reflectance: between the surface's normal and the light; else that of the fit.", ge=0, le=60
         ),
     ] = None
     index: Annotated[
         Text | None,
-        Field(
-            max_length=MOST_LETTERS,
-            description=f"Of reflectance, of this frame's capture, whose other bands must be there: "
+        told(
+            f"Of reflectance, of this frame's capture, whose other bands must be there: "
             f"{', '.join(f'`{name}`' for name in NAMED_INDICES)}, or a formula of band names, numbers, "
             "`+ - * / **` and parentheses, such as `(nir - red) / (nir + red)`.",
+            max_length=MOST_LETTERS,
         ),
     ] = None
     quantity: Annotated[
         Literal["reflectance", "radiance"] | None,
-        Field(
-            description="Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
+        told(
+            "Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
             "calibration, which only cameras of MicaSense state."
         ),
     ] = None
     products: Annotated[
         list[Literal["map", "bands"]] | None,
-        Field(
-            max_length=1,
-            description="`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
+        told(
+            "`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
             "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
             "its bands.",
+            max_length=1,
         ),
     ] = None
     allow: Annotated[
         list[Literal["image_part_empty"]] | None,
-        Field(
+        told(
+            "Flags of a frame that else forbid to measure it; the measurement then carries them.",
             max_length=1,
-            description="Flags of a frame that else forbid to measure it; the measurement then carries them.",
         ),
     ] = None
 
@@ -146,11 +137,11 @@ class NewMeasurement(MeasurementOptions):
     frame_id: Text | None = None
     frame_ids: Annotated[
         list[Text] | None,
-        Field(
+        told(
+            "Frames of one scene with the same settings, averaged pixel by pixel: their noise "
+            "averages, errors that they share do not.",
             min_length=2,
             max_length=MOST_AVERAGED,
-            description="Frames of one scene with the same settings, averaged pixel by pixel: their noise "
-            "averages, errors that they share do not.",
         ),
     ] = None
 

@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 from fastapi import Query, Request, Response
-from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -77,9 +76,9 @@ class MeasurementRecord(
     """A measurement as stored, with its frames and calibration version: `make verify` recomputes it."""
 
     schema_version: int
-    frames: list[MeasuredFrame] = Field(description="The measured frame first.")
+    frames: list[MeasuredFrame] = models.told("The measured frame first.")
     calibration: MeasuredWith
-    map_sha256: str | None = Field(default=None, description="SHA-256 of map.tif, where there is one.")
+    map_sha256: str | None = models.maybe("SHA-256 of map.tif, where there is one.")
 
     @classmethod
     def of(cls, row: Measurement, frames: list[FrameRow], calibration: Calibration) -> "MeasurementRecord":
@@ -321,8 +320,8 @@ class Measured(models.Answer):
     filename: str
     taken_at: str | None = None
     mean: models.Quantity
-    region: list[list[float]] = Field(description="Outline [x, y] in px of what the mean is of.")
-    region_origin: str = Field(description="Source of the region, as in the measurement.")
+    region: list[list[float]] = models.told("Outline [x, y] in px of what the mean is of.")
+    region_origin: str = models.told("Source of the region, as in the measurement.")
 
     @classmethod
     def of(cls, side: Side) -> "Measured":
@@ -332,22 +331,20 @@ class Measured(models.Answer):
 class ContrastAnswer(Compared):
     old: Measured
     new: Measured
-    significant: bool = Field(
-        description="At least two standard uncertainties of the difference, and more than `confusion_rel`."
+    significant: bool = models.told(
+        "At least two standard uncertainties of the difference, and more than `confusion_rel`."
     )
-    confusion_rel: float | None = Field(
-        default=None,
-        description="What two types of lamp could show as a change without any, where the light is neither "
-        "known nor the same in both.",
+    confusion_rel: float | None = models.maybe(
+        "What two types of lamp could show as a change without any, where the light is neither "
+        "known nor the same in both."
     )
     said: str
-    common: list[str] = Field(description="Sources whose error is the same in both, so that it cancels.")
-    same_region: bool = Field(
-        description="The same outlines in images of the same size. Whether they show the same ground is not "
-        "known."
+    common: list[str] = models.told("Sources whose error is the same in both, so that it cancels.")
+    same_region: bool = models.told(
+        "The same outlines in images of the same size. Whether they show the same ground is not known."
     )
-    cells: list[list[Compared]] | None = Field(
-        default=None, description="Of two grids with as many rows and columns: cell by cell."
+    cells: list[list[Compared]] | None = models.maybe(
+        "Of two grids with as many rows and columns: cell by cell."
     )
 
     @classmethod

@@ -12,7 +12,7 @@ from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.method import Scope
 from service.calibrations.schemas import SCOPE_MEANING
-from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags
+from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags, maybe, told
 from store.queries.calibrations import VersionState, VersionStatus
 from store.ready.rows import list_passed
 from store.tables import Calibration, FrameRow, Measurement
@@ -22,14 +22,14 @@ class CalibrationUsed(Answer):
     id: str
     version: int
     why: str
-    state: VersionState = Field(description="As it stands now.")
+    state: VersionState = told("As it stands now.")
     superseded_by: str | None = None
     revoked_reason: str | None = None
 
 
 class FlagAnswer(Answer):
     flag: str
-    where: str = Field(description='"" for the whole, "grid" for its cells, "min" for dark parts.')
+    where: str = told('"" for the whole, "grid" for its cells, "min" for dark parts.')
     detail: str
 
 
@@ -37,9 +37,9 @@ class BudgetRow(Answer):
     """One source's share of the mean's uncertainty, in the unit of the mean."""
 
     source: str
-    shared: bool = Field(description="The same error in every pixel: no mean over pixels reduces it.")
-    standard_uncertainty_cd_m2: float | None = Field(default=None, description="Of a luminance.")
-    standard_uncertainty: float | None = Field(default=None, description="Of a reflectance.")
+    shared: bool = told("The same error in every pixel: no mean over pixels reduces it.")
+    standard_uncertainty_cd_m2: float | None = maybe("Of a luminance.")
+    standard_uncertainty: float | None = maybe("Of a reflectance.")
     variance_share: float
 
 
@@ -52,20 +52,17 @@ class ReflectedAnswer(Answer):
 
     band: str
     i_sq: float
-    i_ss: float | None = Field(
-        default=None, description="On a level surface wherever the file allows; none of a panel-only K."
+    i_ss: float | None = maybe("On a level surface wherever the file allows; none of a panel-only K.")
+    i_ss_oriented: float | None = maybe("As the sensor was oriented.")
+    i_ss_basis: LightBasis | None = maybe(
+        "What `i_ss` is: `levelled` here, `horizontal` or `compensated` by the camera, or "
+        "`oriented` as the sensor was."
     )
-    i_ss_oriented: float | None = Field(default=None, description="As the sensor was oriented.")
-    i_ss_basis: LightBasis | None = Field(
-        default=None,
-        description="What `i_ss` is: `levelled` here, `horizontal` or `compensated` by the camera, or "
-        "`oriented` as the sensor was.",
-    )
-    reflectance_k: float = Field(description="At the time of the frame.")
+    reflectance_k: float = told("At the time of the frame.")
     incidence_angle_deg: float
-    shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
-    noise_u: float = Field(description="The part that is the mean's own noise.")
-    below_zero_share: float = Field(description="Of the region's pixels; nothing is clipped.")
+    shared_u: float = told("The part of the mean's uncertainty that all pixels share.")
+    noise_u: float = told("The part that is the mean's own noise.")
+    below_zero_share: float = told("Of the region's pixels; nothing is clipped.")
     above_one_share: float
 
 
@@ -82,8 +79,8 @@ class BandAnswer(Answer):
 class IndexAnswer(Answer):
     """An index of the region's mean reflectances, that of the first band first."""
 
-    name: str = Field(description="Name of the index, or its formula.")
-    formula: str | None = Field(default=None, description="Absent of measurements of older releases.")
+    name: str = told("Name of the index, or its formula.")
+    formula: str | None = maybe("Absent of measurements of older releases.")
     bands: list[BandAnswer]
 
 
@@ -98,10 +95,9 @@ class PlaceShareAnswer(Answer, restates=PlaceShare):
 class PlaceAnswer(Answer, restates=Place, without="tie_points corners transform"):
     """Where the pixels of `map.tif` lie on level ground, as its GeoTIFF tags state it."""
 
-    transform: list[float] | None = Field(
-        default=None,
-        description="[a, b, c, d, e, f] of longitude = a + b col + c row and latitude = d + e col + f row "
-        "[deg], counted from the outer corner of the first pixel, as GDAL does.",
+    transform: list[float] | None = maybe(
+        "[a, b, c, d, e, f] of longitude = a + b col + c row and latitude = d + e col + f row "
+        "[deg], counted from the outer corner of the first pixel, as GDAL does."
     )
     corners: list[list[float]] = Field(
         default=[],
@@ -114,17 +110,15 @@ class PlaceAnswer(Answer, restates=Place, without="tie_points corners transform"
 class UndistortedAnswer(Answer):
     """Content of `map.tif`: the whole picture as a lens without distortion would have taken it."""
 
-    planes: list[str] = Field(
-        description="`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
+    planes: list[str] = told(
+        "`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
         "`R`, `G`, `B` of a rendered picture."
     )
-    linear: bool = Field(
-        description="Raw numbers [DN], black included; false: with the picture's tone curve."
-    )
+    linear: bool = told("Raw numbers [DN], black included; false: with the picture's tone curve.")
     height_px: int
     width_px: int
-    seen_share: float = Field(description="Of the pixels that the camera saw; the others are 0.")
-    parameters: dict[str, Quantity] = Field(description="The camera's, in OpenCV's notation.")
+    seen_share: float = told("Of the pixels that the camera saw; the others are 0.")
+    parameters: dict[str, Quantity] = told("The camera's, in OpenCV's notation.")
 
 
 class MapCounts(Answer):
@@ -150,15 +144,15 @@ class LanesAnswer(Answer):
     lane_width_m: float
     spacing_m: float
     length_m: float
-    marked: list[list[float]] = Field(description="Corners of the rectangle as they were given [px].")
+    marked: list[list[float]] = told("Corners of the rectangle as they were given [px].")
     corner_u_px: float
-    along_m: float = Field(description="Distance of the points along the lanes.")
+    along_m: float = told("Distance of the points along the lanes.")
     across_m: float
-    points_m: list[list[list[float]]] = Field(
-        description="[x, y] of each point along and across from the first corner, row by row."
+    points_m: list[list[list[float]]] = told(
+        "[x, y] of each point along and across from the first corner, row by row."
     )
-    point_u_m: float = Field(
-        description="Largest standard uncertainty of a point's place on the road from that of the corners."
+    point_u_m: float = told(
+        "Largest standard uncertainty of a point's place on the road from that of the corners."
     )
 
 
@@ -168,12 +162,11 @@ class GridAnswer(Answer):
     corners: list[list[float]]
     rows: int
     columns: int
-    corner_u_px: float | None = Field(
-        default=None,
-        description="Standard uncertainty of each coordinate of a corner, whose effect is part of the cells' "
-        "uncertainties; absent of measurements of older releases, where it is not.",
+    corner_u_px: float | None = maybe(
+        "Standard uncertainty of each coordinate of a corner, whose effect is part of the cells' "
+        "uncertainties; absent of measurements of older releases, where it is not."
     )
-    cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
+    cell_model: str = told("`projective`: equal cells of the surface, not of its image.")
     cells: list[list[Quantity]]
     lanes: LanesAnswer | None = None
 
@@ -181,8 +174,8 @@ class GridAnswer(Answer):
 class MeasurementAnswer(Answer):
     id: str
     frame_id: str
-    frame_ids: list[str] | None = Field(
-        default=None, description="The frames that were averaged, `frame_id` first; absent of a single one."
+    frame_ids: list[str] | None = maybe(
+        "The frames that were averaged, `frame_id` first; absent of a single one."
     )
     campaign_id: str
     camera_id: str
@@ -193,84 +186,71 @@ class MeasurementAnswer(Answer):
     altitude_m: float | None = None
     method: str
     calibration: CalibrationUsed
-    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
-    seen_from: Literal["above"] | None = Field(
-        default=None, description="Of a luminance: it is that towards the camera, not towards a driver."
+    uncertainty_scope: Scope | None = maybe(SCOPE_MEANING)
+    seen_from: Literal["above"] | None = maybe(
+        "Of a luminance: it is that towards the camera, not towards a driver."
     )
-    seen_from_detail: str | None = Field(default=None, description="What that means, in a sentence.")
-    region: list[list[float]] = Field(
-        description="Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
+    seen_from_detail: str | None = maybe("What that means, in a sentence.")
+    region: list[list[float]] = told(
+        "Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
     )
-    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"] = Field(
-        description="Source of the region: `roi` of the request, else the outline of its `grid`, else the "
+    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"] = told(
+        "Source of the region: `roi` of the request, else the outline of its `grid`, else the "
         "frame's own region, else its campaign's, else the whole frame."
     )
-    pixels: int | None = Field(default=None, description="How many measured pixels the region holds.")
-    mean: Quantity | None = Field(
-        default=None, description="Of a luminance in cd/m2; of a reflectance or an index without unit."
+    pixels: int | None = maybe("How many measured pixels the region holds.")
+    mean: Quantity | None = maybe("Of a luminance in cd/m2; of a reflectance or an index without unit.")
+    shared_u_cd_m2: float | None = maybe(
+        "The part of the mean's standard uncertainty that all pixels share [cd/m2]."
     )
-    shared_u_cd_m2: float | None = Field(
-        default=None, description="The part of the mean's standard uncertainty that all pixels share [cd/m2]."
+    noise_u_cd_m2: float | None = maybe("The part that is the mean's own noise [cd/m2].")
+    effective_dof: float | None = maybe(
+        "Of the mean's standard uncertainty; absent if they are without limit."
     )
-    noise_u_cd_m2: float | None = Field(
-        default=None, description="The part that is the mean's own noise [cd/m2]."
-    )
-    effective_dof: float | None = Field(
-        default=None, description="Of the mean's standard uncertainty; absent if they are without limit."
-    )
-    coverage_factor: float | None = Field(
-        default=None, description="Of the mean, for a coverage probability of 95 %."
-    )
-    expanded_uncertainty_cd_m2: float | None = Field(
-        default=None, description="`coverage_factor` times the mean's standard uncertainty."
+    coverage_factor: float | None = maybe("Of the mean, for a coverage probability of 95 %.")
+    expanded_uncertainty_cd_m2: float | None = maybe(
+        "`coverage_factor` times the mean's standard uncertainty."
     )
     min: Quantity | None = None
     max: Quantity | None = None
     median: Quantity | None = None
-    percentiles: list[PercentileAnswer] = Field(description="Of single pixels, with a single pixel's noise.")
-    conditions_origin: dict[str, Literal["request", "campaign"]] | None = Field(
-        default=None,
-        description="Light and surroundings that were stated, each by the request or the frame's campaign.",
+    percentiles: list[PercentileAnswer] = told("Of single pixels, with a single pixel's noise.")
+    conditions_origin: dict[str, Literal["request", "campaign"]] | None = maybe(
+        "Light and surroundings that were stated, each by the request or the frame's campaign."
     )
     budget: list[BudgetRow]
-    corrections: list[CorrectionAnswer] = Field(
-        description="Of a luminance: errors of light, distance and surroundings, corrected as far as known."
+    corrections: list[CorrectionAnswer] = told(
+        "Of a luminance: errors of light, distance and surroundings, corrected as far as known."
     )
-    reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
+    reflected: ReflectedAnswer | None = maybe("Of a band's reflectance.")
     index: IndexAnswer | None = None
-    radiance: str | None = Field(default=None, description="The band, of a radiance.")
-    alignment: list[AlignmentAnswer] | None = Field(
-        default=None, description="Of an index and of the product `bands`: the other bands of the capture."
+    radiance: str | None = maybe("The band, of a radiance.")
+    alignment: list[AlignmentAnswer] | None = maybe(
+        "Of an index and of the product `bands`: the other bands of the capture."
     )
-    place: PlaceAnswer | None = Field(
-        default=None, description="Of a band or an index: where its map lies, or why it is not placed."
-    )
-    undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
-    map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
-    illuminance: Quantity | None = Field(default=None, description="E = pi L / rho of the region's mean.")
+    place: PlaceAnswer | None = maybe("Of a band or an index: where its map lies, or why it is not placed.")
+    undistorted: UndistortedAnswer | None = maybe("Of a geometry campaign's frame.")
+    map: MapCounts | None = maybe("Of a map of reflectance or of an index.")
+    illuminance: Quantity | None = maybe("E = pi L / rho of the region's mean.")
     grid: GridAnswer | None = None
     l_av_cd_m2: Quantity | None = None
     l_min_cd_m2: Quantity | None = None
     l_max_cd_m2: Quantity | None = None
-    u_o: Quantity | None = Field(default=None, description="L_min / L_av over the cells.")
-    u_l: list[Quantity] | None = Field(default=None, description="L_min / L_max along each row of cells.")
+    u_o: Quantity | None = maybe("L_min / L_av over the cells.")
+    u_l: list[Quantity] | None = maybe("L_min / L_max along each row of cells.")
     average_to_min: Quantity | None = None
     max_to_min: Quantity | None = None
-    grid_illuminance: Quantity | None = Field(default=None, description="E = pi L_av / rho.")
+    grid_illuminance: Quantity | None = maybe("E = pi L_av / rho.")
     saturated_share: float | None = None
-    vignetting: str = Field(
-        description="What vignetting was corrected with: `none`, `file`, or the calibration's id."
-    )
-    lens_share: Quantity | None = Field(
-        default=None, description="V of the region, by which its signal above dark was divided."
-    )
-    signal: str = Field(description="The channel or the band.")
+    vignetting: str = told("What vignetting was corrected with: `none`, `file`, or the calibration's id.")
+    lens_share: Quantity | None = maybe("V of the region, by which its signal above dark was divided.")
+    signal: str = told("The channel or the band.")
     flags: list[FlagAnswer]
-    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
+    findings: list[FindingGroupAnswer] = told("The flags, equal ones as one.")
     to_do_better: list[str]
     links: dict[str, str]
     parameters: dict[str, Any]
-    software: dict[str, Any] = Field(description="The release that measured (`stilb`), and what it used.")
+    software: dict[str, Any] = told("The release that measured (`stilb`), and what it used.")
     content_sha256: str
     created_at: Instant
     created_by: str

@@ -6,14 +6,23 @@ from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic import Field
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.http import answers, auth, changes, connections, lookup, operations, paging, problems, tables
 from service.http.context import Context, UsesContext
-from service.http.models import Answer, Clearable, ClearableLong, ClearableZone, Form, Instant, Text
+from service.http.models import (
+    Answer,
+    Clearable,
+    ClearableLong,
+    ClearableZone,
+    Form,
+    Instant,
+    Text,
+    maybe,
+    told,
+)
 from service.http.paging import Page, UsesPaging
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
@@ -24,19 +33,14 @@ from store.tables import ApiKey, AuditEntry, Organisation, WebSession, utc_now
 
 
 class OrganisationChange(Form):
-    name: Text | None = Field(default=None, description="Of your laboratory, as certificates print it.")
-    address: ClearableLong | None = Field(
-        default=None, description="Of your laboratory, as certificates print it."
+    name: Text | None = maybe("Of your laboratory, as certificates print it.")
+    address: ClearableLong | None = maybe("Of your laboratory, as certificates print it.")
+    refuses_incomplete_certificates: bool | None = maybe(
+        "Publishing answers 409 `certificate_incomplete` while a certificate has gaps.", strict=True
     )
-    refuses_incomplete_certificates: bool | None = Field(
-        default=None,
-        description="Publishing answers 409 `certificate_incomplete` while a certificate has gaps.",
-        strict=True,
-    )
-    time_zone: ClearableZone | None = Field(
-        default=None,
-        description="Of the clocks of your cameras, for files that state no offset and campaigns that state "
-        "no other: an IANA name or an offset. Files of Parrot and MicaSense cameras are in UTC.",
+    time_zone: ClearableZone | None = maybe(
+        "Of the clocks of your cameras, for files that state no offset and campaigns that state "
+        "no other: an IANA name or an offset. Files of Parrot and MicaSense cameras are in UTC."
     )
 
 
@@ -51,11 +55,11 @@ class UsageAnswer(Answer):
 
     frames: int
     frames_limit: int | None = None
-    stored_bytes: int = Field(description="Of the files of its frames.")
+    stored_bytes: int = told("Of the files of its frames.")
     stored_bytes_limit: int | None = None
     jobs_waiting: int
     jobs_waiting_limit: int | None = None
-    requests_in_minute: int = Field(description="As the process that answers has counted them.")
+    requests_in_minute: int = told("As the process that answers has counted them.")
     requests_in_minute_limit: int | None = None
 
     @classmethod
@@ -75,7 +79,7 @@ class OwnOrganisationAnswer(
     restates=Organisation,
     fields="id name address refuses_incomplete_certificates time_zone created_at",
 ):
-    usage: UsageAnswer | None = Field(default=None, description="In the answer to GET.")
+    usage: UsageAnswer | None = maybe("In the answer to GET.")
 
 
 router = operations.Router(prefix="/v1/organisation", tags=["keys"])
@@ -112,20 +116,20 @@ class AuditEntryAnswer(
     restates=AuditEntry,
     fields="seq at actor action subject_type subject_id before after previous_sha256 sha256",
 ):
-    actor_name: str | None = Field(default=None, description="Of the key, as it is named today.")
-    subject_name: str | None = Field(default=None, description="Of what was changed, as it is named today.")
-    about_id: str | None = Field(default=None, description="What the subject is or belongs to.")
+    actor_name: str | None = maybe("Of the key, as it is named today.")
+    subject_name: str | None = maybe("Of what was changed, as it is named today.")
+    about_id: str | None = maybe("What the subject is or belongs to.")
 
 
 class AuditChainAnswer(Answer):
     """State of an organisation's chain, as far as one request checks it."""
 
     state: Literal["intact", "broken", "unfinished"]
-    entries: int = Field(ge=0, description="How many were checked by this request and are as they were.")
-    head: str | None = Field(default=None, description="`seq:sha256` of the last entry. Note it elsewhere.")
-    broken_at: int | None = Field(default=None, description="The first entry that is not as it was.")
+    entries: int = told("How many were checked by this request and are as they were.", ge=0)
+    head: str | None = maybe("`seq:sha256` of the last entry. Note it elsewhere.")
+    broken_at: int | None = maybe("The first entry that is not as it was.")
     detail: str | None = None
-    next: str | None = Field(default=None, description="Address that checks the next entries.")
+    next: str | None = maybe("Address that checks the next entries.")
 
 
 audit_router = operations.Router(prefix="/v1/audit", tags=["audit"])
@@ -141,12 +145,12 @@ def _exports(media_type: str) -> dict[int | str, dict[str, Any]]:
 class AuditQuery(Form):
     """Which entries."""
 
-    actor: Text | None = Field(default=None, description="Id of a key, or worker, sweeper, service.")
-    action: Text | None = Field(default=None, description="Such as `publication.create`.")
-    subject_type: Text | None = Field(default=None, description="Such as `campaign`.")
-    subject_id: Text | None = Field(default=None, description="Only what was done to this.")
-    start: Instant | None = Field(default=None, alias="from", description="At this time or later.")
-    end: Instant | None = Field(default=None, alias="to", description="Before this time.")
+    actor: Text | None = maybe("Id of a key, or worker, sweeper, service.")
+    action: Text | None = maybe("Such as `publication.create`.")
+    subject_type: Text | None = maybe("Such as `campaign`.")
+    subject_id: Text | None = maybe("Only what was done to this.")
+    start: Instant | None = maybe("At this time or later.", alias="from")
+    end: Instant | None = maybe("Before this time.", alias="to")
 
 
 class AuditListing(AuditQuery):
@@ -238,38 +242,28 @@ def _send(parts: Iterator[str], suffix: str, media_type: str) -> Response:
 
 
 class NewKey(Form):
-    name: Text = Field(
-        description="Of the person, device or program that uses the key; the audit trail names it."
-    )
+    name: Text = told("Of the person, device or program that uses the key; the audit trail names it.")
     scopes: Annotated[
-        list[auth.Scope],
-        Field(min_length=1, max_length=5, description="What the key may do; it cannot be changed later."),
+        list[auth.Scope], told("What the key may do; it cannot be changed later.", min_length=1, max_length=5)
     ]
-    person: Text | None = Field(
-        default=None, description="Who uses the key: certificates name who fitted and who approved."
-    )
-    role: Text | None = Field(default=None, description="Of the person in the laboratory.")
-    expires_at: Instant | None = Field(
-        default=None,
-        description="The key, and sessions opened with it, end then; without it, when revoked. "
-        "Not in the past.",
+    person: Text | None = maybe("Who uses the key: certificates name who fitted and who approved.")
+    role: Text | None = maybe("Of the person in the laboratory.")
+    expires_at: Instant | None = maybe(
+        "The key, and sessions opened with it, end then; without it, when revoked. Not in the past."
     )
 
 
 class KeyChange(Form):
-    person: Clearable | None = Field(
-        default=None, description='Who uses the key, as certificates name them; "" takes them away.'
-    )
-    role: Clearable | None = Field(default=None, description="Of the person in the laboratory.")
+    person: Clearable | None = maybe('Who uses the key, as certificates name them; "" takes them away.')
+    role: Clearable | None = maybe("Of the person in the laboratory.")
 
 
 class KeyAnswer(
     Answer, restates=ApiKey, fields="id name person role scopes created_at expires_at last_used_at revoked_at"
 ):
     scopes: list[auth.Scope]
-    secret: str | None = Field(
-        default=None,
-        description="The key itself: shown once, kept only as a hash, not repeated to a repeated request.",
+    secret: str | None = maybe(
+        "The key itself: shown once, kept only as a hash, not repeated to a repeated request."
     )
 
     def keep(self) -> dict[str, Any]:
@@ -292,7 +286,7 @@ class NewOrganisation(Form):
 
 
 class OrganisationAnswer(Answer, restates=Organisation, fields="id name created_at"):
-    key: KeyAnswer | None = Field(default=None, description="The organisation's first key, with every scope.")
+    key: KeyAnswer | None = maybe("The organisation's first key, with every scope.")
 
     def keep(self) -> dict[str, Any]:
         return self.dump() | ({"key": self.key.keep()} if self.key else {})
@@ -304,12 +298,12 @@ class SessionAnswer(
     """A browser that is signed in with a key."""
 
     key_name: str
-    person: str | None = Field(default=None, description="Of the key.")
-    current: bool = Field(description="Whether it is the one that asks.")
+    person: str | None = maybe("Of the key.")
+    current: bool = told("Whether it is the one that asks.")
 
 
 class EndedSessions(Answer):
-    ended: int = Field(ge=0, description="How many sessions were ended.")
+    ended: int = told("How many sessions were ended.", ge=0)
 
 
 keys_router = operations.Router(prefix="/v1", tags=["keys"])

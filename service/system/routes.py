@@ -5,7 +5,6 @@ from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import PlainTextResponse
-from pydantic import Field
 from sqlalchemy import func, select
 
 from radiometry.findings import interface
@@ -33,11 +32,11 @@ class Life(models.Answer):
 class PartAnswer(models.Answer):
     """A process of the service, by its own heartbeat."""
 
-    kind: str = Field(description="service or worker")
+    kind: str = models.told("service or worker")
     state: Literal["working", "hung", "gone"]
-    silent_s: float = Field(description="How long ago its last heartbeat was.")
-    idle_s: float = Field(description="How long ago its work last went on.")
-    details: dict[str, Any] = Field(description="What it says of itself.")
+    silent_s: float = models.told("How long ago its last heartbeat was.")
+    idle_s: float = models.told("How long ago its work last went on.")
+    details: dict[str, Any] = models.told("What it says of itself.")
 
     @classmethod
     def of(cls, part: Part) -> "PartAnswer":
@@ -54,12 +53,8 @@ class Readiness(models.Answer):
     """Only the operator is told more than the status, where `STILB_HEALTH_FOR` says so."""
 
     status: Literal["ok", "degraded"]
-    warnings: list[str] | None = Field(
-        default=None, description="What waits, and why. Requests are served all the same."
-    )
-    damaged_files: int | None = Field(
-        default=None, description="Damaged or missing ones; the same upload heals each."
-    )
+    warnings: list[str] | None = models.maybe("What waits, and why. Requests are served all the same.")
+    damaged_files: int | None = models.maybe("Damaged or missing ones; the same upload heals each.")
     parts: list[PartAnswer] | None = None
 
 
@@ -110,13 +105,13 @@ class OperatorHealth(models.Answer):
     parts: list[PartAnswer]
     jobs_waiting: int
     jobs_running: int
-    oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
-    disk_total_bytes: int = Field(description="Of the disk that holds the data folder.")
+    oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
+    disk_total_bytes: int = models.told("Of the disk that holds the data folder.")
     disk_free_bytes: int
-    files: int = Field(description="Stored files.")
+    files: int = models.told("Stored files.")
     damaged_files: int
-    oldest_proof_s: float = Field(ge=0, description="How long ago the file was verified that waits longest.")
-    verified_within_s: float = Field(description="Every file is verified in this time; 0: never.")
+    oldest_proof_s: float = models.told("How long ago the file was verified that waits longest.", ge=0)
+    verified_within_s: float = models.told("Every file is verified in this time; 0: never.")
 
 
 @router.get("/v1/health", response_model=OperatorHealth)

@@ -20,7 +20,7 @@ from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_o
 MOST_CASES = 1000
 
 # wider than any camera and any aircraft, narrower than what overflows
-PixelPitch = Annotated[Number, Field(ge=0.01, le=1e4, description="Distance of neighbouring pixels.")]
+PixelPitch = Annotated[Number, models.told("Distance of neighbouring pixels.", ge=0.01, le=1e4)]
 FocalLength = Annotated[Number, Field(ge=0.01, le=1e5)]
 EXPOSURE_TIMES_S = Field(ge=1e-9, le=86_400)
 ExposureTime = Annotated[Number, EXPOSURE_TIMES_S]
@@ -33,16 +33,15 @@ SensorSide = Annotated[Number, Field(ge=1e-3, le=1e4)]
 class NewCoverage(Form):
     """One camera above level ground."""
 
-    name: Annotated[Text | None, Field(description="Given back, to find it in a rig.")] = None
+    name: Annotated[Text | None, models.told("Given back, to find it in a rig.")] = None
     height_m: Metres
-    tilt_deg: Annotated[Number, Field(ge=0, le=MOST_TILT_DEG, description="0 looks straight down.")]
+    tilt_deg: Annotated[Number, models.told("0 looks straight down.", ge=0, le=MOST_TILT_DEG)]
     azimuth_deg: Annotated[
-        Number,
-        Field(ge=-360, le=360, description="Where the tilt points, clockwise from y of the footprint."),
+        Number, models.told("Where the tilt points, clockwise from y of the footprint.", ge=-360, le=360)
     ] = 0.0
     focal_length_mm: FocalLength
-    sensor_width_mm: Annotated[SensorSide, Field(description="Along the rows, which are level.")]
-    sensor_height_mm: Annotated[SensorSide, Field(description="Along the tilt.")]
+    sensor_width_mm: Annotated[SensorSide, models.told("Along the rows, which are level.")]
+    sensor_height_mm: Annotated[SensorSide, models.told("Along the tilt.")]
     pixel_pitch_um: PixelPitch
 
     def view(self) -> View:
@@ -50,8 +49,8 @@ class NewCoverage(Form):
 
 
 class FieldOfView(Answer):
-    horizontal: float = Field(description="Degrees.")
-    vertical: float = Field(description="Degrees.")
+    horizontal: float = models.told("Degrees.")
+    vertical: float = models.told("Degrees.")
 
 
 class CoverageAnswer(Answer, restates=Coverage, without="horizontal_fov_deg vertical_fov_deg"):
@@ -59,7 +58,7 @@ class CoverageAnswer(Answer, restates=Coverage, without="horizontal_fov_deg vert
 
     name: str | None = None
     fov_deg: FieldOfView
-    missing: str | None = Field(default=None, description="What is left out, and why.")
+    missing: str | None = models.maybe("What is left out, and why.")
 
     @classmethod
     def of(cls, form: NewCoverage, coverage: Coverage) -> "CoverageAnswer":
@@ -94,17 +93,15 @@ class ExposureRow(Form):
     exposure_time_s: ExposureTime
     f_number: FNumber
     iso: Iso
-    signal_dn: Annotated[Signal, Field(description="Mean raw number, dark included.")]
-    dark_dn: Annotated[Signal | None, Field(description="Where dark differs by row.")] = None
+    signal_dn: Annotated[Signal, models.told("Mean raw number, dark included.")]
+    dark_dn: Annotated[Signal | None, models.told("Where dark differs by row.")] = None
 
 
 class NewExposureSeries(Form):
     """Mean signals of one surface in one light, at several settings."""
 
     rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
-    dark_dn: Annotated[
-        Signal, Field(description="Of rows that state none; 0 where black is off already.")
-    ] = 0.0
+    dark_dn: Annotated[Signal, models.told("Of rows that state none; 0 where black is off already.")] = 0.0
     white_level_dn: Annotated[Number, _WHITE_LEVELS_DN]
 
     def series(self) -> list[SeriesRow]:
@@ -115,21 +112,19 @@ class ExposureTable(Form):
     """Statements that a table does not contain; with JSON none of them, since they are in the body."""
 
     white_level_dn: Annotated[
-        float | None, _WHITE_LEVELS_DN, Field(description="Needed with a table; of JSON in the body.")
+        float | None, _WHITE_LEVELS_DN, models.told("Needed with a table; of JSON in the body.")
     ] = None
-    dark_dn: Annotated[
-        float | None, _SIGNALS_DN, Field(description="Of a table's rows without one; else 0.")
-    ] = None
-    exposure_time_s: Annotated[
-        float | None, EXPOSURE_TIMES_S, Field(description="Of a table's rows that state none.")
-    ] = None
-    f_number: Annotated[float | None, _F_NUMBERS, Field(description="Of a table's rows that state none.")] = (
+    dark_dn: Annotated[float | None, _SIGNALS_DN, models.told("Of a table's rows without one; else 0.")] = (
         None
     )
-    iso: Annotated[float | None, _ISOS, Field(description="Of a table's rows that state none.")] = None
-    signal: Annotated[
-        Text | None, Field(description="The column of the signal, where there is one a channel.")
+    exposure_time_s: Annotated[
+        float | None, EXPOSURE_TIMES_S, models.told("Of a table's rows that state none.")
     ] = None
+    f_number: Annotated[float | None, _F_NUMBERS, models.told("Of a table's rows that state none.")] = None
+    iso: Annotated[float | None, _ISOS, models.told("Of a table's rows that state none.")] = None
+    signal: Annotated[Text | None, models.told("The column of the signal, where there is one a channel.")] = (
+        None
+    )
 
 
 class Exponents(Answer):
@@ -155,7 +150,7 @@ KM_H_PER_M_S = 3.6
 
 Rate = Annotated[Number, Field(ge=0, le=1e5)]
 Limit = Annotated[
-    Number, Field(ge=1e-3, le=1e5, description="Of the theoretical motion; twice it for a practical one.")
+    Number, models.told("Of the theoretical motion; twice it for a practical one.", ge=1e-3, le=1e5)
 ]
 
 
@@ -166,18 +161,16 @@ class NewMotion(Form):
         json_schema_extra={"not": {"required": ["ground_speed_m_s", "ground_speed_km_h"]}}
     )
 
-    name: Annotated[Text | None, Field(description="Given back, to find it in a table.")] = None
+    name: Annotated[Text | None, models.told("Given back, to find it in a table.")] = None
     pixel_pitch_um: PixelPitch
     focal_length_mm: FocalLength
     exposure_time_s: ExposureTime
-    distance_m: Annotated[Metres, Field(description="Along the line of sight; the height of a nadir camera.")]
-    rotation_rate_deg_s: Annotated[
-        Rate | None, Field(description="About an axis across the line of sight.")
-    ] = None
-    ground_speed_m_s: Annotated[Rate | None, Field(description="Across the line of sight.")] = None
-    ground_speed_km_h: Annotated[
-        Rate | None, Field(description="In place of ground_speed_m_s, never with it.")
-    ] = None
+    distance_m: Annotated[Metres, models.told("Along the line of sight; the height of a nadir camera.")]
+    rotation_rate_deg_s: Annotated[Rate | None, models.told("About an axis across the line of sight.")] = None
+    ground_speed_m_s: Annotated[Rate | None, models.told("Across the line of sight.")] = None
+    ground_speed_km_h: Annotated[Rate | None, models.told("In place of ground_speed_m_s, never with it.")] = (
+        None
+    )
     limit_px: Limit = USUAL_LIMIT_PX
 
     @model_validator(mode="after")
@@ -198,7 +191,7 @@ class MotionAnswer(Answer, restates=Motion):
 
     name: str | None = None
     limit_px: float
-    ground_speed_m_s: float | None = Field(default=None, description="As it was understood.")
+    ground_speed_m_s: float | None = models.maybe("As it was understood.")
 
     @classmethod
     def of(cls, form: NewMotion, motion: Motion) -> "MotionAnswer":

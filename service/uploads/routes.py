@@ -51,14 +51,14 @@ class KnownFrame(models.Answer, restates=FrameRow, fields="sha256 filename scene
     """A frame that is there, with its statements: a sender sees whether it means the same."""
 
     frame_id: str
-    job_id: str | None = Field(default=None, description="The newest job that reads it.")
+    job_id: str | None = models.maybe("The newest job that reads it.")
     role: Role
-    state: campaign.FrameState = Field(description="A refused one may be sent again: it is then read again.")
+    state: campaign.FrameState = models.told("A refused one may be sent again: it is then read again.")
 
 
 class KnownAnswer(models.Answer):
     known: list[KnownFrame]
-    unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
+    unknown: list[str] = models.told("To be sent. In the order asked, each once.")
 
     @classmethod
     def of(cls, asked: Sequence[str], found: Sequence[FrameRow], jobs: Mapping[str, str]) -> "KnownAnswer":
