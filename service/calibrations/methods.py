@@ -43,9 +43,7 @@ class Exclusion(models.Form):
 class FitRequest(models.Form):
     """Fields that every method takes."""
 
-    exclude: Annotated[
-        list[Exclusion] | None, models.told("Frames that the fit leaves out.", max_length=10_000)
-    ] = None
+    exclude: list[Exclusion] | None = models.maybe("Frames that the fit leaves out.", max_length=10_000)
 
     def read_parameters(self, spec: method.MethodSpec) -> dict[str, Any]:
         """Return the parameters that were sent, by the names of their fields in the method's `Params`."""

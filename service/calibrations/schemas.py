@@ -226,13 +226,10 @@ class NewFleetVerdict(models.Form):
     camera_ids: Annotated[
         list[models.Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=models.EACH_ONCE)
     ]
-    tolerance: Annotated[
-        Tolerance,
-        models.told(
-            "The largest accepted deviation from the shared value: one number in the method's "
-            "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
-        ),
-    ]
+    tolerance: Tolerance = models.told(
+        "The largest accepted deviation from the shared value: one number in the method's "
+        "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
+    )
     lenses: Annotated[list[LensNamed] | None, Field(max_length=1000)] = None
 
     @model_validator(mode="after")

@@ -55,7 +55,7 @@ class NewPoint(models.Form):
     min_dn: _Level
     max_dn: _Level
     std_dn: _Level | None = models.maybe("Else the largest that mean and range allow.")
-    pixels: Annotated[float, models.told("Number of samples; ImageJ's Area.", ge=1, le=1e9)]
+    pixels: float = models.told("Number of samples; ImageJ's Area.", ge=1, le=1e9)
 
     @model_validator(mode="after")
     def _is_possible(self) -> "NewPoint":
@@ -79,11 +79,9 @@ class PointsTable(models.Form):
 
     white_level_dn: float = models.told("Where the sensor clips: 255 of 8 bits.", gt=0, le=1e6)
     black_level_dn: float | None = models.maybe("Absent if it is unknown.", ge=0, le=1e6)
-    exposure_time_s: Annotated[float | None, models.told("Of rows that state none.", gt=1e-9, le=86_400)] = (
-        None
-    )
-    f_number: Annotated[float | None, models.told("Of rows that state none.", ge=0.1, le=1000)] = None
-    iso: Annotated[float | None, models.told("Of rows that state none.", ge=0.1, le=1e9)] = None
+    exposure_time_s: float | None = models.maybe("Of rows that state none.", gt=1e-9, le=86_400)
+    f_number: float | None = models.maybe("Of rows that state none.", ge=0.1, le=1000)
+    iso: float | None = models.maybe("Of rows that state none.", ge=0.1, le=1e9)
 
 
 class AddedPoint(models.Answer, restates=FrameRow, fields="filename role scene"):

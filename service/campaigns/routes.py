@@ -30,7 +30,7 @@ from store.tables.campaign import CampaignKind
 
 
 class ItemChange(Form):
-    key: Annotated[Text, told("One of the items that the campaign's checklist lists.")]
+    key: Text = told("One of the items that the campaign's checklist lists.")
     done: Annotated[bool, Strict()] = told("false takes the tick away.")
     note: LongText | None = maybe("What was done, and with which equipment; recorded with the item.")
 

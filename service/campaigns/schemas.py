@@ -32,24 +32,20 @@ STATED = {each.name: each for spec in METHODS for each in spec.parameters if eac
 class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields(STATED.values()))):  # type: ignore[misc]
     """Details of a campaign: stated when it begins, or corrected later."""
 
-    kind: Annotated[
-        campaign.CampaignKind | None,
-        models.told(
-            "`calibration` unless stated. `measurement`: a night of measurements, whose frames "
-            "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
-            "become one."
-        ),
-    ] = None
+    kind: campaign.CampaignKind | None = models.maybe(
+        "`calibration` unless stated. `measurement`: a night of measurements, whose frames "
+        "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
+        "become one."
+    )
     project_number: models.Text | None = models.maybe(
         "Number or name under which the work is found again; the campaign and its certificates carry it."
     )
     recorder: models.Text | None = models.maybe("Who took the frames and the readings; on the certificate.")
     customer: models.Text | None = models.maybe("For whom the camera is calibrated; on the certificate.")
     place: models.Text | None = models.maybe("Where the frames were taken; on the certificate.")
-    conditions: Annotated[
-        models.LongText | None,
-        models.told("What surrounded the work: temperature, lamp, daylight; on the certificate."),
-    ] = None
+    conditions: models.LongText | None = models.maybe(
+        "What surrounded the work: temperature, lamp, daylight; on the certificate."
+    )
     started_at: models.Instant | None = models.maybe(
         "Beginning of the work in UTC; on the certificate. Campaigns are ordered by it."
     )
@@ -65,26 +61,19 @@ class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields
         "are valid for this lens."
     )
     comments: models.LongText | None = models.maybe("Free text; on the certificate. It changes no result.")
-    panel_id: Annotated[
-        models.Text | None,
-        models.told("Of a reflectance campaign; left out: the panel that the files name, or the only one."),
-    ] = None
-    panel_serial: Annotated[
-        models.Text | None,
-        models.told(
-            "In place of `panel_id`: the registered panel of this serial number, or the one that "
-            "`panel_offered` names, which is then registered with the reflectances that its files state."
-        ),
-    ] = None
-    target: Annotated[
-        dict[str, Any] | None,
-        models.told(
-            "What is photographed, where the method must know: of geometry the board, of "
-            "sharpness the edge or the star. Its fields stand on the method's page. A board may be described "
-            "later. When it is changed, the campaign's frames are read again.",
-            examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
-        ),
-    ] = None
+    panel_id: models.Text | None = models.maybe(
+        "Of a reflectance campaign; left out: the panel that the files name, or the only one."
+    )
+    panel_serial: models.Text | None = models.maybe(
+        "In place of `panel_id`: the registered panel of this serial number, or the one that "
+        "`panel_offered` names, which is then registered with the reflectances that its files state."
+    )
+    target: dict[str, Any] | None = models.maybe(
+        "What is photographed, where the method must know: of geometry the board, of "
+        "sharpness the edge or the star. Its fields stand on the method's page. A board may be described "
+        "later. When it is changed, the campaign's frames are read again.",
+        examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
+    )
 
 
 class NewCampaign(CampaignDetails):
@@ -123,10 +112,8 @@ class CampaignChange(CampaignDetails):
             'The lens on the camera; "" for the one that is registered with it.', json_schema_extra=_or_empty
         ),
     ] = None
-    camera_id: Annotated[
-        models.Text | None, models.told("Another camera: every frame is checked against it again.")
-    ] = None
-    archived: Annotated[models.Flag | None, models.told("Put away, or taken out again.")] = None
+    camera_id: models.Text | None = models.maybe("Another camera: every frame is checked against it again.")
+    archived: models.Flag | None = models.maybe("Put away, or taken out again.")
 
 
 class FrameCounts(models.Answer, restates=Counts, fields="received being_read extracted refused"):
@@ -190,28 +177,19 @@ class NewRoi(models.Form):
         }
     )
 
-    polygon: Annotated[
-        list[Point] | None,
-        models.told(
-            "Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
-            "the outline does not cross itself.",
-            min_length=3,
-            max_length=1000,
-        ),
-    ] = None
-    imagej: Annotated[
-        models.LongText | None,
-        models.told(
-            "A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
-            json_schema_extra={"pattern": f"^{_MACRO}$"},
-        ),
-    ] = None
-    regions: Annotated[
-        list[NamedRegion] | None,
-        models.told(
-            "For sharpness; each name once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
-        ),
-    ] = None
+    polygon: list[Point] | None = models.maybe(
+        "Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
+        "the outline does not cross itself.",
+        min_length=3,
+        max_length=1000,
+    )
+    imagej: models.LongText | None = models.maybe(
+        "A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+        json_schema_extra={"pattern": f"^{_MACRO}$"},
+    )
+    regions: list[NamedRegion] | None = models.maybe(
+        "For sharpness; each name once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
+    )
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "NewRoi":
@@ -255,10 +233,9 @@ class NewReading(models.Form):
 
     scene: models.Text = models.told("The light level that was read: that of the frames with this scene.")
     quantity: Literal["luminance", "illuminance"] = models.told("What the meter showed.")
-    value: Annotated[
-        models.Number,
-        models.told("As the meter showed it. Several readings of a scene give their spread.", gt=0, lt=1e9),
-    ]
+    value: models.Number = models.told(
+        "As the meter showed it. Several readings of a scene give their spread.", gt=0, lt=1e9
+    )
     unit: Annotated[
         Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
     ] = models.told("As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
@@ -268,20 +245,16 @@ class NewReading(models.Form):
     taken_at: models.Instant | None = models.maybe(
         "When it was read, in UTC: shows whether the lamp drifted between reading and frames."
     )
-    reason: models.Text | None = Field(
-        default=None,
-        description="Why the reading is right although its frames say half or less of it, or double or more: "
-        "with a reason it is used, and the certificate says so.",
+    reason: models.Text | None = models.maybe(
+        "Why the reading is right although its frames say half or less of it, or double or more: "
+        "with a reason it is used, and the certificate says so."
     )
-    replaces: Annotated[
-        str | None,
-        models.told(
-            "The id of the reading that this one corrects: that one is withdrawn in the moment "
-            'in which this one is recorded. "": it is the first of its scene and quantity. Where another '
-            "user was faster, nothing is recorded: 409 `changed_meanwhile`.",
-            max_length=200,
-        ),
-    ] = None
+    replaces: str | None = models.maybe(
+        "The id of the reading that this one corrects: that one is withdrawn in the moment "
+        'in which this one is recorded. "": it is the first of its scene and quantity. Where another '
+        "user was faster, nothing is recorded: 409 `changed_meanwhile`.",
+        max_length=200,
+    )
 
     @model_validator(mode="after")
     def _unit_fits(self) -> "NewReading":

@@ -181,15 +181,12 @@ MOST_CAMERAS = 20
 
 class NewRig(models.Form):
     name: models.Text = models.told("Under which the rig is found again; its exports carry it.")
-    camera_ids: Annotated[
-        list[models.Text],
-        models.told(
-            "The reference camera first.",
-            min_length=2,
-            max_length=MOST_CAMERAS,
-            json_schema_extra=models.EACH_ONCE,
-        ),
-    ]
+    camera_ids: list[models.Text] = models.told(
+        "The reference camera first.",
+        min_length=2,
+        max_length=MOST_CAMERAS,
+        json_schema_extra=models.EACH_ONCE,
+    )
 
     @model_validator(mode="after")
     def _each_once(self) -> "NewRig":

@@ -1,6 +1,6 @@
 """Cameras, meters and panels."""
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import model_validator
 
@@ -64,21 +64,17 @@ class Certificate(models.Form, models.Answer):
     )
     laboratory: models.Text = models.told("Who issued the certificate.")
     issued_on: models.Day = models.told("Date of the certificate.")
-    due_on: Annotated[
-        models.Day,
-        models.told(
-            "When the meter is to be calibrated again; certificates name later readings "
-            "as a gap."
-            "Not before `issued_on`."
-        ),
-    ]
-    expanded_uncertainty_rel: Annotated[
-        models.Number,
-        models.told("U of the reading, relative to it, as the certificate states it.", gt=0, lt=1),
-    ]
-    coverage_factor: Annotated[
-        models.Number, models.told("k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10)
-    ]
+    due_on: models.Day = models.told(
+        "When the meter is to be calibrated again; certificates name later readings "
+        "as a gap."
+        "Not before `issued_on`."
+    )
+    expanded_uncertainty_rel: models.Number = models.told(
+        "U of the reading, relative to it, as the certificate states it.", gt=0, lt=1
+    )
+    coverage_factor: models.Number = models.told(
+        "k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10
+    )
 
     @model_validator(mode="after")
     def _dates_in_order(self) -> "Certificate":
@@ -120,25 +116,21 @@ class PanelBand(models.Form, models.Answer):
     """Reflectance of a panel in a band; `Red edge`, `RedEdge`, `red_edge` are one name, always the last."""
 
     band: models.BandName
-    reflectance: Annotated[
-        models.Number, models.told("A share; over 1 only for a glossy panel.", gt=0, le=1.2)
-    ]
-    standard_uncertainty: Annotated[
-        models.Number | None, models.told("Absolute, as the reflectance is; k = 1.", ge=0, lt=1)
-    ] = None
-    origin: Annotated[
-        Literal["file"] | None,
-        models.told("`file`: as the camera or the panel's code states it, on a day that is not known."),
-    ] = None
+    reflectance: models.Number = models.told("A share; over 1 only for a glossy panel.", gt=0, le=1.2)
+    standard_uncertainty: models.Number | None = models.maybe(
+        "Absolute, as the reflectance is; k = 1.", ge=0, lt=1
+    )
+    origin: Literal["file"] | None = models.maybe(
+        "`file`: as the camera or the panel's code states it, on a day that is not known."
+    )
 
 
 class NewPanel(models.Form):
     serial: models.Text = models.told("As printed on the panel, or in its code.")
     measured_on: models.Day = models.told("When its reflectance was measured: panels age.")
-    bands: Annotated[
-        list[PanelBand],
-        models.told("Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE),
-    ]
+    bands: list[PanelBand] = models.told(
+        "Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
+    )
 
     @model_validator(mode="after")
     def _each_band_once(self) -> "NewPanel":

@@ -36,7 +36,7 @@ from store.tables import Camera, Campaign, FrameRow
 class FrameOptics(Form):
     """Optics that convert an angle to pixels; files do not state them reliably."""
 
-    pixel_pitch_um: Annotated[float | None, told("Else that of the camera's record.", ge=0.01, le=1e4)] = None
+    pixel_pitch_um: float | None = maybe("Else that of the camera's record.", ge=0.01, le=1e4)
     focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
     limit_px: Annotated[float, told("Of the theoretical motion.", ge=1e-3, le=1e5)] = USUAL_LIMIT_PX
 
@@ -53,14 +53,10 @@ class FrameOptics(Form):
 class CampaignOptics(FrameOptics):
     """The same for a campaign's frames, and how the aircraft flew, which no file says."""
 
-    ground_speed_m_s: Annotated[float | None, told("With distance_m, and only then.", ge=0, le=1e5)] = None
-    ground_speed_km_h: Annotated[
-        float | None, told("In place of ground_speed_m_s, never with it.", ge=0, le=1e5)
-    ] = None
-    distance_m: Annotated[
-        float | None, told("Height above ground; with a speed, and only then.", ge=1e-3, le=1e7)
-    ] = None
-    role: Annotated[Role | None, told("Only frames of this role.")] = None
+    ground_speed_m_s: float | None = maybe("With distance_m, and only then.", ge=0, le=1e5)
+    ground_speed_km_h: float | None = maybe("In place of ground_speed_m_s, never with it.", ge=0, le=1e5)
+    distance_m: float | None = maybe("Height above ground; with a speed, and only then.", ge=1e-3, le=1e7)
+    role: Role | None = maybe("Only frames of this role.")
     format: Literal["json", "csv"] = "json"
 
     @model_validator(mode="after")

@@ -111,9 +111,9 @@ def _encode_lossy(picture: Image.Image, quality: int) -> bytes:
 class NewLook(models.Form):
     """Corners of a region that is not set yet."""
 
-    polygon: Annotated[
-        list[Point], models.told("Corners [x, y] in pixels, x right, y down.", min_length=3, max_length=1000)
-    ]
+    polygon: list[Point] = models.told(
+        "Corners [x, y] in pixels, x right, y down.", min_length=3, max_length=1000
+    )
 
 
 class GridLook(models.Answer):

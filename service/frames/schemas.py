@@ -39,19 +39,16 @@ class Upload(Form):
     """Statements of the field team about the file that it sends."""
 
     role: Role
-    scene: Annotated[Text | None, told("The light level that a light frame belongs to.")] = None
-    filename: Annotated[str | None, told("Its name; folders are left out.", min_length=1)] = None
-    exposure_time_s: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
-    f_number: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
-    iso: Annotated[PositiveText | None, told("For a file that does not say it.")] = None
-    roi: Annotated[
-        LongText | None,
-        told(
-            "The frame's own region, where the camera has moved: [[x,y],...], or a "
-            "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
-            json_schema_extra={"pattern": REGION_PATTERN},
-        ),
-    ] = None
+    scene: Text | None = maybe("The light level that a light frame belongs to.")
+    filename: str | None = maybe("Its name; folders are left out.", min_length=1)
+    exposure_time_s: PositiveText | None = maybe("For a file that does not say it.")
+    f_number: PositiveText | None = maybe("For a file that does not say it.")
+    iso: PositiveText | None = maybe("For a file that does not say it.")
+    roi: LongText | None = maybe(
+        "The frame's own region, where the camera has moved: [[x,y],...], or a "
+        "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+        json_schema_extra={"pattern": REGION_PATTERN},
+    )
 
     def supplied(self) -> dict[str, float]:
         return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
@@ -61,14 +58,10 @@ class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
     role: Role | None = maybe("What the frame shows: it decides what it is used for.")
-    scene: Annotated[Clearable | None, told('The light level that it shows; "" for a frame without one.')] = (
-        None
-    )
-    left_out: Annotated[
-        Flag | None, told("Keep the frame, and leave it out of every fit and batch measurement.")
-    ] = None
-    reason: Annotated[LongText | None, told("Why it is left out.")] = None
-    withdrawn: Annotated[Flag | None, told("Take the frame out of its campaign; false restores it.")] = None
+    scene: Clearable | None = maybe('The light level that it shows; "" for a frame without one.')
+    left_out: Flag | None = maybe("Keep the frame, and leave it out of every fit and batch measurement.")
+    reason: LongText | None = maybe("Why it is left out.")
+    withdrawn: Flag | None = maybe("Take the frame out of its campaign; false restores it.")
     exposure_time_s: Positive | None = maybe("For a file that does not say it.")
     f_number: Positive | None = maybe("For a file that does not say it.")
     iso: Positive | None = maybe("For a file that does not say it.")
@@ -78,7 +71,7 @@ class ExpectedFrame(Form):
     """A frame as its user saw it."""
 
     role: Role | None = None
-    scene: Annotated[Clearable | None, told('"" for a frame without one.')] = None
+    scene: Clearable | None = maybe('"" for a frame without one.')
     left_out: Flag | None = None
     withdrawn: Flag | None = None
 

@@ -67,23 +67,17 @@ class LevelsOfMap(models.Form):
         ),
     ] = None
     area: Annotated[maps.Area, models.told(_AREA)] = "frame"
-    step: Annotated[
-        int | None,
-        models.told(
-            "Side of the squares over which the map is averaged first [px]. Left out: as small "
-            "as noise between neighbouring levels allows.",
-            ge=1,
-            le=1024,
-        ),
-    ] = None
-    coordinates: Annotated[
-        Coordinates | None,
-        models.told(
-            "`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
-            "only. `wgs84`: longitude and latitude. Left out: `wgs84` where the map has a place, else "
-            "`pixel`."
-        ),
-    ] = None
+    step: int | None = models.maybe(
+        "Side of the squares over which the map is averaged first [px]. Left out: as small "
+        "as noise between neighbouring levels allows.",
+        ge=1,
+        le=1024,
+    )
+    coordinates: Coordinates | None = models.maybe(
+        "`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
+        "only. `wgs84`: longitude and latitude. Left out: `wgs84` where the map has a place, else "
+        "`pixel`."
+    )
 
 
 class IsolineGeometry(models.Answer):

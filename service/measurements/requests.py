@@ -37,15 +37,12 @@ class NewGrid(Form):
         }
     )
 
-    corners: Annotated[
-        list[Point],
-        told(
-            "[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
-            "bottom-left; of lanes the first two along them, the field beginning at the first.",
-            min_length=4,
-            max_length=4,
-        ),
-    ]
+    corners: list[Point] = told(
+        "[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
+        "bottom-left; of lanes the first two along them, the field beginning at the first.",
+        min_length=4,
+        max_length=4,
+    )
     rows: Side | None = maybe("Of cells, from the top edge to the bottom edge.")
     columns: Side | None = maybe("Of cells, from the left edge to the right edge.")
     lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = maybe(
@@ -78,53 +75,34 @@ CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
 class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]
     """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
 
-    calibration_id: Annotated[Text | None, told("Else the version in force when the frame was taken.")] = None
-    roi: Annotated[
-        NewRoi | None, told("Else the outline of `grid`, else the frame's region, else the campaign's.")
-    ] = None
+    calibration_id: Text | None = maybe("Else the version in force when the frame was taken.")
+    roi: NewRoi | None = maybe("Else the outline of `grid`, else the frame's region, else the campaign's.")
     grid: NewGrid | None = maybe("Cells of the surface, each with its own value.")
-    reflectance: Annotated[
-        Reflectance | None,
-        told("Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."),
-    ] = None
-    incidence_angle_deg: Annotated[
-        Number | None,
-        told(
-            "Of reflectance: between the surface's normal and the light; else that of the fit.", ge=0, le=60
-        ),
-    ] = None
-    index: Annotated[
-        Text | None,
-        told(
-            f"Of reflectance, of this frame's capture, whose other bands must be there: "
-            f"{', '.join(f'`{name}`' for name in NAMED_INDICES)}, or a formula of band names, numbers, "
-            "`+ - * / **` and parentheses, such as `(nir - red) / (nir + red)`.",
-            max_length=MOST_LETTERS,
-        ),
-    ] = None
-    quantity: Annotated[
-        Literal["reflectance", "radiance"] | None,
-        told(
-            "Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
-            "calibration, which only cameras of MicaSense state."
-        ),
-    ] = None
-    products: Annotated[
-        list[Literal["map", "bands"]] | None,
-        told(
-            "`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
-            "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
-            "its bands.",
-            max_length=1,
-        ),
-    ] = None
-    allow: Annotated[
-        list[Literal["image_part_empty"]] | None,
-        told(
-            "Flags of a frame that else forbid to measure it; the measurement then carries them.",
-            max_length=1,
-        ),
-    ] = None
+    reflectance: Reflectance | None = maybe(
+        "Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."
+    )
+    incidence_angle_deg: Number | None = maybe(
+        "Of reflectance: between the surface's normal and the light; else that of the fit.", ge=0, le=60
+    )
+    index: Text | None = maybe(
+        f"Of reflectance, of this frame's capture, whose other bands must be there: "
+        f"{', '.join(f'`{name}`' for name in NAMED_INDICES)}, or a formula of band names, numbers, "
+        "`+ - * / **` and parentheses, such as `(nir - red) / (nir + red)`.",
+        max_length=MOST_LETTERS,
+    )
+    quantity: Literal["reflectance", "radiance"] | None = maybe(
+        "Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
+        "calibration, which only cameras of MicaSense state."
+    )
+    products: list[Literal["map", "bands"]] | None = maybe(
+        "`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
+        "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
+        "its bands.",
+        max_length=1,
+    )
+    allow: list[Literal["image_part_empty"]] | None = maybe(
+        "Flags of a frame that else forbid to measure it; the measurement then carries them.", max_length=1
+    )
 
 
 class NewMeasurement(MeasurementOptions):
@@ -135,15 +113,12 @@ class NewMeasurement(MeasurementOptions):
     )
 
     frame_id: Text | None = None
-    frame_ids: Annotated[
-        list[Text] | None,
-        told(
-            "Frames of one scene with the same settings, averaged pixel by pixel: their noise "
-            "averages, errors that they share do not.",
-            min_length=2,
-            max_length=MOST_AVERAGED,
-        ),
-    ] = None
+    frame_ids: list[Text] | None = maybe(
+        "Frames of one scene with the same settings, averaged pixel by pixel: their noise "
+        "averages, errors that they share do not.",
+        min_length=2,
+        max_length=MOST_AVERAGED,
+    )
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "NewMeasurement":

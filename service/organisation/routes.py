@@ -243,9 +243,9 @@ def _send(parts: Iterator[str], suffix: str, media_type: str) -> Response:
 
 class NewKey(Form):
     name: Text = told("Of the person, device or program that uses the key; the audit trail names it.")
-    scopes: Annotated[
-        list[auth.Scope], told("What the key may do; it cannot be changed later.", min_length=1, max_length=5)
-    ]
+    scopes: list[auth.Scope] = told(
+        "What the key may do; it cannot be changed later.", min_length=1, max_length=5
+    )
     person: Text | None = maybe("Who uses the key: certificates name who fitted and who approved.")
     role: Text | None = maybe("Of the person in the laboratory.")
     expires_at: Instant | None = maybe(

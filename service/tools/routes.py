@@ -33,15 +33,15 @@ SensorSide = Annotated[Number, Field(ge=1e-3, le=1e4)]
 class NewCoverage(Form):
     """One camera above level ground."""
 
-    name: Annotated[Text | None, models.told("Given back, to find it in a rig.")] = None
+    name: Text | None = models.maybe("Given back, to find it in a rig.")
     height_m: Metres
-    tilt_deg: Annotated[Number, models.told("0 looks straight down.", ge=0, le=MOST_TILT_DEG)]
+    tilt_deg: Number = models.told("0 looks straight down.", ge=0, le=MOST_TILT_DEG)
     azimuth_deg: Annotated[
         Number, models.told("Where the tilt points, clockwise from y of the footprint.", ge=-360, le=360)
     ] = 0.0
     focal_length_mm: FocalLength
-    sensor_width_mm: Annotated[SensorSide, models.told("Along the rows, which are level.")]
-    sensor_height_mm: Annotated[SensorSide, models.told("Along the tilt.")]
+    sensor_width_mm: SensorSide = models.told("Along the rows, which are level.")
+    sensor_height_mm: SensorSide = models.told("Along the tilt.")
     pixel_pitch_um: PixelPitch
 
     def view(self) -> View:
@@ -93,8 +93,8 @@ class ExposureRow(Form):
     exposure_time_s: ExposureTime
     f_number: FNumber
     iso: Iso
-    signal_dn: Annotated[Signal, models.told("Mean raw number, dark included.")]
-    dark_dn: Annotated[Signal | None, models.told("Where dark differs by row.")] = None
+    signal_dn: Signal = models.told("Mean raw number, dark included.")
+    dark_dn: Signal | None = models.maybe("Where dark differs by row.")
 
 
 class NewExposureSeries(Form):
@@ -122,9 +122,7 @@ class ExposureTable(Form):
     ] = None
     f_number: Annotated[float | None, _F_NUMBERS, models.told("Of a table's rows that state none.")] = None
     iso: Annotated[float | None, _ISOS, models.told("Of a table's rows that state none.")] = None
-    signal: Annotated[Text | None, models.told("The column of the signal, where there is one a channel.")] = (
-        None
-    )
+    signal: Text | None = models.maybe("The column of the signal, where there is one a channel.")
 
 
 class Exponents(Answer):
@@ -161,16 +159,14 @@ class NewMotion(Form):
         json_schema_extra={"not": {"required": ["ground_speed_m_s", "ground_speed_km_h"]}}
     )
 
-    name: Annotated[Text | None, models.told("Given back, to find it in a table.")] = None
+    name: Text | None = models.maybe("Given back, to find it in a table.")
     pixel_pitch_um: PixelPitch
     focal_length_mm: FocalLength
     exposure_time_s: ExposureTime
-    distance_m: Annotated[Metres, models.told("Along the line of sight; the height of a nadir camera.")]
-    rotation_rate_deg_s: Annotated[Rate | None, models.told("About an axis across the line of sight.")] = None
-    ground_speed_m_s: Annotated[Rate | None, models.told("Across the line of sight.")] = None
-    ground_speed_km_h: Annotated[Rate | None, models.told("In place of ground_speed_m_s, never with it.")] = (
-        None
-    )
+    distance_m: Metres = models.told("Along the line of sight; the height of a nadir camera.")
+    rotation_rate_deg_s: Rate | None = models.maybe("About an axis across the line of sight.")
+    ground_speed_m_s: Rate | None = models.maybe("Across the line of sight.")
+    ground_speed_km_h: Rate | None = models.maybe("In place of ground_speed_m_s, never with it.")
     limit_px: Limit = USUAL_LIMIT_PX
 
     @model_validator(mode="after")
