@@ -33,9 +33,8 @@ class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields
     """Details of a campaign: stated when it begins, or corrected later."""
 
     kind: campaign.CampaignKind | None = models.maybe(
-        "`calibration` unless stated. `measurement`: a night of measurements, whose frames "
-        "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
-        "become one."
+        "`calibration` unless stated. `measurement`: a night of measurements, whose frames are all field "
+        "frames; no fit uses them. A campaign with other frames, or with versions, cannot become one."
     )
     project_number: models.Text | None = models.maybe(
         "Number or name under which the work is found again; the campaign and its certificates carry it."

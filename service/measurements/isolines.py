@@ -74,9 +74,8 @@ class LevelsOfMap(models.Form):
         le=1024,
     )
     coordinates: Coordinates | None = models.maybe(
-        "`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
-        "only. `wgs84`: longitude and latitude. Left out: `wgs84` where the map has a place, else "
-        "`pixel`."
+        "`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid only. `wgs84`: "
+        "longitude and latitude. Left out: `wgs84` where the map has a place, else `pixel`."
     )
 
 

@@ -95,9 +95,8 @@ class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields
         "calibration, which only cameras of MicaSense state."
     )
     products: list[Literal["map", "bands"]] | None = maybe(
-        "`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
-        "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
-        "its bands.",
+        "`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the capture, aligned "
+        "on this frame's pixels; with `index` the index, its standard uncertainty and its bands.",
         max_length=1,
     )
     allow: list[Literal["image_part_empty"]] | None = maybe(
