@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -114,8 +114,8 @@ class ImpactAnswer(Answer):
     measurements: list[TouchedMeasurement] = told(
         "Made with the version in force; what this one would make of each."
     )
-    warnings: list[schemas.Gap] = Field(
-        default=[], description="What its certificate would lack, published with your key."
+    warnings: list[schemas.Gap] = told(
+        "What its certificate would lack, published with your key.", default=[]
     )
 
     @classmethod

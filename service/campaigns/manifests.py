@@ -37,8 +37,8 @@ class ManifestFile(OtherFile):
 
 class NewManifest(Form):
     files: Annotated[list[ManifestFile], Field(min_length=1, max_length=MOST_FILES)]
-    others: Annotated[list[OtherFile], Field(max_length=MOST_FILES)] = Field(
-        default=[], description="Files of the card that are not sent. The receipt names them as not covered."
+    others: Annotated[list[OtherFile], Field(max_length=MOST_FILES)] = told(
+        "Files of the card that are not sent. The receipt names them as not covered.", default=[]
     )
 
 

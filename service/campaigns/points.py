@@ -45,8 +45,8 @@ class NewPoint(models.Form):
 
     filename: models.Text = models.told("Name of the frame, as ImageJ's Label.")
     scene: models.Text | None = models.maybe("Light level; a dark frame has none.")
-    dark: Annotated[bool, BeforeValidator(_read_dark)] = Field(
-        default=False, description="yes of a frame without light."
+    dark: Annotated[bool, BeforeValidator(_read_dark)] = models.told(
+        "yes of a frame without light.", default=False
     )
     exposure_time_s: Annotated[ExposureTime, BeforeValidator(_read_fraction)]
     f_number: FNumber

@@ -200,9 +200,7 @@ class FrameOfCard(Form):
         'Path with "/", from the folder that was chosen.'
     )
     size_bytes: Annotated[Number, Field(ge=0)] | None = maybe("To find files that a campaign holds already.")
-    taken_s: Number = Field(
-        default=0.0, description="When it was taken, since 1970 [s]; a local time counts as UTC."
-    )
+    taken_s: Number = told("When it was taken, since 1970 [s]; a local time counts as UTC.", default=0.0)
     exposure_time_s: Positive | None = None
     f_number: Positive | None = None
     iso: Positive | None = None

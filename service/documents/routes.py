@@ -9,7 +9,6 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
-from pydantic import Field
 
 from radiometry.findings import interface
 from service.documents import pages, rendered, schemas, sheets
@@ -29,9 +28,7 @@ router = operations.Router(prefix="/v1/calibrations/{calibration_id}", tags=["ce
 class Chosen(models.Form):
     """Which of the certificates that were issued of a version."""
 
-    amendment: int = Field(
-        default=0, ge=0, description="The number of an amendment; without it, the original."
-    )
+    amendment: int = models.told("The number of an amendment; without it, the original.", default=0, ge=0)
 
 
 WhichOne = Annotated[Chosen, Query()]

@@ -3,8 +3,6 @@
 from datetime import date
 from typing import Any, Literal
 
-from pydantic import Field
-
 from radiometry.fitting import evidence
 from radiometry.specification.application import FoundBy
 from radiometry.specification.method import Scope
@@ -250,4 +248,4 @@ class CertificateAnswer(Answer):
     published: list[PublishedBy] = told("The publication that it was issued with.")
     validity: Validity = told("As published; what was decided since stands with the version.")
     statements: list[str]
-    gaps: list[Gap] = Field(default=[], description="What ISO/IEC 17025, 7.8, asks for and is absent.")
+    gaps: list[Gap] = told("What ISO/IEC 17025, 7.8, asks for and is absent.", default=[])

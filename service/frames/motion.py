@@ -38,7 +38,7 @@ class FrameOptics(Form):
 
     pixel_pitch_um: float | None = maybe("Else that of the camera's record.", ge=0.01, le=1e4)
     focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
-    limit_px: Annotated[float, told("Of the theoretical motion.", ge=1e-3, le=1e5)] = USUAL_LIMIT_PX
+    limit_px: float = told("Of the theoretical motion.", default=USUAL_LIMIT_PX, ge=1e-3, le=1e5)
 
     def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
         return MotionCase(

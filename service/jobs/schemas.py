@@ -50,7 +50,7 @@ class RetriedJobs(models.Form):
 class DismissedJobs(RetriedJobs):
     """Which jobs are dismissed: those that all of this holds for."""
 
-    dismissed: models.Flag = Field(default=True, description="false: list them again.")
+    dismissed: models.Flag = models.told("false: list them again.", default=True)
 
 
 class DismissedAnswer(models.Answer):

@@ -66,7 +66,7 @@ class LevelsOfMap(models.Form):
             json_schema_extra=_LEVELS,
         ),
     ] = None
-    area: Annotated[maps.Area, models.told(_AREA)] = "frame"
+    area: maps.Area = models.told(_AREA, default="frame")
     step: int | None = models.maybe(
         "Side of the squares over which the map is averaged first [px]. Left out: as small "
         "as noise between neighbouring levels allows.",

@@ -156,14 +156,12 @@ Layer = Literal["value", "expanded_uncertainty_rel"]
 class MapWindow(models.Form):
     """Which part of a map."""
 
-    layer: Annotated[
-        Layer,
-        models.told(
-            "`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
-            "(95 %, k as in `uncertainty`) of each mean over that mean."
-        ),
-    ] = "value"
-    step: Annotated[int, models.told("The side of the squares, in pixels.", ge=1, le=4096)] = 1
+    layer: Layer = models.told(
+        "`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
+        "(95 %, k as in `uncertainty`) of each mean over that mean.",
+        default="value",
+    )
+    step: int = models.told("The side of the squares, in pixels.", default=1, ge=1, le=4096)
     top: _Pixel = 0
     left: _Pixel = 0
     height: _Size = None

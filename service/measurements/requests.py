@@ -55,8 +55,8 @@ class NewGrid(Form):
     length_m: Annotated[Number, Field(ge=1, le=300)] | None = maybe(
         "Of the rectangle along the lanes, where it is not the spacing."
     )
-    corner_u_px: Annotated[Number, Field(gt=0, le=100)] = Field(
-        default=2.0, description="Standard uncertainty of each coordinate of a corner."
+    corner_u_px: Annotated[Number, Field(gt=0, le=100)] = told(
+        "Standard uncertainty of each coordinate of a corner.", default=2.0
     )
 
     @model_validator(mode="after")

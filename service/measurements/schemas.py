@@ -2,8 +2,6 @@
 
 from typing import Any, Literal
 
-from pydantic import Field
-
 from radiometry.findings import grouping, shared
 from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame.multispectral import Alignment, LightBasis
@@ -99,12 +97,11 @@ class PlaceAnswer(Answer, restates=Place, without="tie_points corners transform"
         "[a, b, c, d, e, f] of longitude = a + b col + c row and latitude = d + e col + f row "
         "[deg], counted from the outer corner of the first pixel, as GDAL does."
     )
-    corners: list[list[float]] = Field(
+    corners: list[list[float]] = told(
+        "[longitude, latitude] of the frame's corners: top-left, top-right, bottom-right, bottom-left.",
         default=[],
-        description="[longitude, latitude] of the frame's corners: top-left, top-right, bottom-right, "
-        "bottom-left.",
     )
-    budget: list[PlaceShareAnswer] = Field(default=[], description="Sources of the uncertainty.")
+    budget: list[PlaceShareAnswer] = told("Sources of the uncertainty.", default=[])
 
 
 class UndistortedAnswer(Answer):

@@ -36,9 +36,9 @@ class NewCoverage(Form):
     name: Text | None = models.maybe("Given back, to find it in a rig.")
     height_m: Metres
     tilt_deg: Number = models.told("0 looks straight down.", ge=0, le=MOST_TILT_DEG)
-    azimuth_deg: Annotated[
-        Number, models.told("Where the tilt points, clockwise from y of the footprint.", ge=-360, le=360)
-    ] = 0.0
+    azimuth_deg: Number = models.told(
+        "Where the tilt points, clockwise from y of the footprint.", default=0.0, ge=-360, le=360
+    )
     focal_length_mm: FocalLength
     sensor_width_mm: SensorSide = models.told("Along the rows, which are level.")
     sensor_height_mm: SensorSide = models.told("Along the tilt.")
@@ -101,7 +101,7 @@ class NewExposureSeries(Form):
     """Mean signals of one surface in one light, at several settings."""
 
     rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
-    dark_dn: Annotated[Signal, models.told("Of rows that state none; 0 where black is off already.")] = 0.0
+    dark_dn: Signal = models.told("Of rows that state none; 0 where black is off already.", default=0.0)
     white_level_dn: Annotated[Number, _WHITE_LEVELS_DN]
 
     def series(self) -> list[SeriesRow]:
