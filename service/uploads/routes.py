@@ -19,20 +19,9 @@ from service.http import answers, changes, lookup, models, operations, problems
 from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
 from service.measurements.requests import read_region
+from service.uploads import tus
 from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
-from service.uploads.tus import (
-    PIECE,
-    TUS,
-    FrameSaid,
-    UsesHeaders,
-    answer,
-    append,
-    check_protocol,
-    read_count,
-    read_length,
-    read_metadata,
-    read_said,
-)
+from service.uploads.tus import answer
 from store.blobs import StoredBlob
 from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
 from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
@@ -82,7 +71,7 @@ _ADDRESS: Final = re.compile(r"upl_([0-9A-Za-z]+)_([0-9a-f]{64})", re.ASCII)
 _PIECE = {
     "requestBody": {
         "description": "The bytes from `Upload-Offset` on.",
-        "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}},
+        "content": {tus.PIECE: {"schema": {"type": "string", "format": "binary"}}},
     }
 }
 _STATED = {
@@ -105,8 +94,8 @@ def _states(description: str) -> dict[str, Any]:
 def describe_uploads() -> Response:
     """State which version and extensions of tus the service understands."""
     headers = {
-        "Tus-Resumable": TUS,
-        "Tus-Version": TUS,
+        "Tus-Resumable": tus.TUS,
+        "Tus-Version": tus.TUS,
         "Tus-Extension": "creation,creation-with-upload,checksum,expiration,termination",
         "Tus-Checksum-Algorithm": "sha256",
         "Tus-Max-Size": str(MAX_FILE_BYTES),
@@ -128,7 +117,7 @@ async def begin_upload(
     request: Request,
     caller: Uploader,
     context: UsesContext,
-    headers: UsesHeaders,
+    headers: tus.UsesHeaders,
     idempotency_key: changes.IdempotencyKey = None,
 ) -> Response:
     """Begin an upload that can go on after a cut; bytes may come along.
@@ -136,15 +125,15 @@ async def begin_upload(
     The address in `Location` is a capability: whoever has it sends the rest without a key, also when the
     session that began it is over, as long as its key is in force.
     """
-    check_protocol(headers)
-    size_bytes = read_length(headers.length)
-    said = read_metadata(headers.metadata)
-    frame = read_said(said)
+    tus.check_protocol(headers)
+    size_bytes = tus.read_length(headers.length)
+    said = tus.read_metadata(headers.metadata)
+    frame = tus.read_said(said)
     address, partial = await run_in_threadpool(
         _begin, context, caller, frame, said, size_bytes, idempotency_key
     )
     if headers.is_piece:
-        await append(request, partial, 0, headers.checksum)
+        await tus.append(request, partial, 0, headers.checksum)
     facts = await _finish_if_whole(context, partial)
     begun = await run_in_threadpool(answer, partial, facts, 201)
     begun.headers["Location"] = f"/v1/uploads/{address}"
@@ -175,18 +164,18 @@ async def get_upload(upload_id: lookup.Id, request: Request, context: UsesContex
     openapi_extra=_PIECE,
 )
 async def append_to_upload(
-    upload_id: lookup.Id, request: Request, context: UsesContext, headers: UsesHeaders
+    upload_id: lookup.Id, request: Request, context: UsesContext, headers: tus.UsesHeaders
 ) -> Response:
     """Send the next bytes. What has arrived when the connection is cut is kept.
 
     The last byte makes a frame of the file. `Content-Location` names it, and `Link` the job that reads it.
     """
     partial = await run_in_threadpool(_find, context, request, upload_id)
-    check_protocol(headers)
+    tus.check_protocol(headers)
     if not headers.is_piece:
-        raise problems.Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECE}.")
-    begins = read_count(headers.offset, "Upload-Offset")
-    await append(request, partial, begins, headers.checksum)
+        raise problems.Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {tus.PIECE}.")
+    begins = tus.read_count(headers.offset, "Upload-Offset")
+    await tus.append(request, partial, begins, headers.checksum)
     facts = await _finish_if_whole(context, partial)
     return await run_in_threadpool(answer, partial, facts, 204)
 
@@ -197,13 +186,13 @@ async def append_to_upload(
 def end_upload(upload_id: lookup.Id, request: Request, context: UsesContext) -> Response:
     """End an upload and forget what has arrived; the frame of a finished one stays."""
     _find(context, request, upload_id).remove()
-    return Response(status_code=204, headers={"Tus-Resumable": TUS})
+    return Response(status_code=204, headers={"Tus-Resumable": tus.TUS})
 
 
 def _begin(
     context: Context,
     caller: Caller,
-    frame: FrameSaid,
+    frame: tus.FrameSaid,
     said: dict[str, str],
     size_bytes: int,
     idempotency_key: str | None,
