@@ -107,12 +107,7 @@ class _Asker(psycopg.AsyncConnection[Any]):
 
     silence_s: float
 
-    async def wait(
-        self,
-        gen: PQGen[Result],
-        interval: float = 0.1,
-        timeout: float | None = None,  # noqa: ASYNC109  the driver's own
-    ) -> Result:
+    async def wait(self, gen: PQGen[Result], interval: float = 0.1, timeout: float | None = None) -> Result:  # noqa: ASYNC109  the driver's own
         try:
             return await super().wait(_within(gen, self.silence_s), interval, timeout)
         except _Silent:

@@ -55,13 +55,7 @@ def _name(table: type[Base]) -> str:
     return _WORDS.get(name, name)
 
 
-def _find(
-    session: Session,
-    table: type[Row],
-    row_id: str,
-    caller: auth.Caller,
-    **how: Any,  # noqa: ANN401  SQLAlchemy's
-) -> Row | None:
+def _find(session: Session, table: type[Row], row_id: str, caller: auth.Caller, **how: Any) -> Row | None:  # noqa: ANN401  SQLAlchemy's
     row = session.get(table, row_id, **how) if is_id(row_id) else None
     if row is None or _organisation_of(session, row) != caller.organisation_id:
         return None

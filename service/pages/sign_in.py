@@ -19,13 +19,7 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/sign-in")
-def show_sign_in(
-    request: Request,
-    context: UsesContext,
-    next: str = "/",  # noqa: A002  as in addresses
-    *,
-    ended: bool = False,
-) -> Response:
+def show_sign_in(request: Request, context: UsesContext, next: str = "/", *, ended: bool = False) -> Response:  # noqa: A002  as in addresses
     if auth.find_session(request, context) is not None:
         return RedirectResponse(_local(next), 303)
     if request.headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
