@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format coverage fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -89,6 +89,10 @@ lint: $(VENV)/dev  ## style, types, who may import whom, that no method is known
 
 format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .
+
+coverage: export OPENBLAS_NUM_THREADS = 1
+coverage: $(VENV)/dev  ## how often intervals hold the truth, regime by regime, in ten minutes (ARGS='--only "mean of"')
+	@python -m tests.regimes $(ARGS)
 
 fuzz: $(VENV)/dev  ## damaged files through the decoder, for SECONDS=60: nothing wrong may be accepted unseen
 	@python -m tests.worker.decode.fuzzing --seconds "$(or $(SECONDS),60)"

@@ -1,0 +1,477 @@
+"""How often each kind of interval holds the truth: `make coverage` prints the table of docs/evidence.md.
+
+The simulators are its own: of `simulation/` a panel's row is taken as a form to fill in. A regime yields
+errors, standard and expanded uncertainties, relative where that has a meaning; an oracle knows the variances.
+"""
+
+import argparse
+import dataclasses
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from typing import NamedTuple, TextIO
+
+import numpy as np
+from scipy.special import erf
+from scipy.stats import binomtest
+
+from radiometry.fitting.curve import coverage_factor
+from radiometry.fitting.evidence import Region
+from radiometry.frame.multispectral import SunshineIrradiance
+from radiometry.frame.packing import pack
+from radiometry.frame.roi import Polygon
+from radiometry.frame.statistics import Signal
+from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.fit import fit_geometry, list_coefficients
+from radiometry.geometry.results import Params as GeometryParams
+from radiometry.geometry.target import Target, locate_corners_mm
+from radiometry.luminance import corrections, pixels
+from radiometry.luminance import method as luminance
+from radiometry.luminance.rows import Params as LuminanceParams
+from radiometry.luminance.surface import Cells, judge_uniformity
+from radiometry.noise import channels, stacks
+from radiometry.noise.results import ChannelBlock
+from radiometry.reflectance import method as reflectance
+from radiometry.reflectance.sun import locate_suns_of
+from radiometry.sharpness.fit import extract as extract_sharpness
+from radiometry.sharpness.results import Target as SharpnessTarget
+from radiometry.vignetting.blocks import Grid, Site
+from radiometry.vignetting.channels import fit_channel
+from radiometry.vignetting.falloff import Blocks
+from tests.radiometry import evidence
+from tests.radiometry.coefficients import apply_coefficient
+from tests.radiometry.frames import frame_of
+from tests.radiometry.geometry.boards import make_header, make_row
+from tests.radiometry.reflectance.captures import change_band, take
+
+K95 = 1.96
+
+
+class Drawn(NamedTuple):
+    error: float
+    u: float
+    expanded: float
+    oracle: float = math.nan
+
+
+Random = np.random.Generator
+Regime = Callable[[Random], Iterator[Drawn]]
+REGIMES: dict[str, tuple[Regime, int]] = {}
+
+
+def regime(name: str, *, draws: int = 300) -> Callable[[Regime], Regime]:
+    def keep(work: Regime) -> Regime:
+        REGIMES[name] = (work, draws)
+        return work
+
+    return keep
+
+
+# --- luminance: N - D = K t S L / f^2
+
+APERTURES = (2.8, 4.0, 5.6, 8.0)
+SCALE = 0.015  # of the meter, as `evidence.reading` states it
+
+
+def _draw_campaign(random: Random, *, f: float, meter: float, scatter: float, levels: int):
+    """K, its frames, the true factor of each aperture and time, the lights, and u(K) of an oracle."""
+    time_u = 0.003
+    lights = dict(zip("abcdefgh"[:levels], np.geomspace(50.0, 0.5, levels).tolist(), strict=True))
+    true_f = {a: 1.0 + f * random.standard_normal() for a in APERTURES}
+    true_t: dict[float, float] = {}
+    scale = 1.0 + SCALE * random.standard_normal()
+    rows, kinds = [], []
+    for scene, level in lights.items():
+        for a in APERTURES:
+            time_s = float(f"{0.4 * evidence.SPAN * a * a / (evidence.K * 3200.0 * level):.2g}")
+            factor = true_t.setdefault(time_s, 1.0 + time_u * random.standard_normal())
+            shown = (1.0 + scatter * random.standard_normal()) * factor / true_f[a] ** 2
+            signal = evidence.K * time_s * 3200.0 * level / a**2 * shown + 0.2 * random.standard_normal()
+            name = f"{scene}-{a}"
+            rows.append(evidence.light(scene, a, name=name, time_s=time_s, luminance=level, signal_dn=signal))
+            kinds.append((scene, a, time_s))
+    for n, time_s in enumerate(sorted(true_t)):
+        rows += [
+            evidence.dark(f"dark-{n}-{m}", time_s=time_s, mean_dn=256.0 + 0.2 * random.standard_normal())
+            for m in range(3)
+        ]
+    readings = [
+        evidence.reading(scene, level * scale * (1.0 + meter * random.standard_normal()))
+        for scene, level in lights.items()
+    ]
+    same = [np.equal.outer(each, each) for each in map(np.array, zip(*kinds, strict=True))]
+    variances = (meter**2, 4 * f**2, time_u**2)
+    covariance = (
+        SCALE**2 + scatter**2 * np.eye(len(kinds)) + sum(v * s for v, s in zip(variances, same, strict=True))
+    )
+    oracle = 1.0 / math.sqrt(np.linalg.inv(covariance + 1e-12 * np.eye(len(kinds))).sum())
+    params = LuminanceParams(f_number_u_rel=f, exposure_time_u_rel=time_u, lamp_drift_u_rel=0.0)
+    fitted = luminance.fit(rows, readings, params).iso_fits[0].coefficient
+    return fitted, rows, true_f, true_t, lights, oracle
+
+
+def _k(*, f: float = 0.003, meter: float = 0.005, scatter: float = 0.0, levels: int = 6) -> Regime:
+    def work(random: Random) -> Iterator[Drawn]:
+        k, *_, oracle = _draw_campaign(random, f=f, meter=meter, scatter=scatter, levels=levels)
+        yield Drawn(
+            k.luminance_k / evidence.K - 1.0,
+            k.luminance_k_standard_uncertainty / evidence.K,
+            k.expanded_uncertainty / evidence.K,
+            oracle,
+        )
+
+    return work
+
+
+regime("K, apertures off by 1.5 %")(_k(f=0.015))
+regime("K, readings repeat to 3 %")(_k(meter=0.03))
+regime("K, frames scatter by 1 %")(_k(scatter=0.01))
+regime("K, three levels, readings repeat to 1 %")(_k(meter=0.01, levels=3))
+
+
+def _field(scatter: float) -> Regime:
+    """A later frame of that camera at an aperture and a time of the calibration."""
+
+    def work(random: Random) -> Iterator[Drawn]:
+        k, rows, true_f, true_t, lights, _ = _draw_campaign(
+            random, f=0.015, meter=0.005, scatter=scatter, levels=6
+        )
+        row = rows[random.integers(len(lights) * len(APERTURES))]
+        time_s, a = row.exposure.exposure_time_s, row.exposure.f_number
+        shown = true_t[time_s] / true_f[a] ** 2 * (1.0 + scatter * random.standard_normal())
+        signal = (
+            evidence.K * time_s * 3200.0 * lights[row.scene] / a**2 * shown + 0.2 * random.standard_normal()
+        )
+        statistics = (evidence.statistics(evidence.DARK + signal),)
+        found = apply_coefficient(statistics, exposure=row.exposure, coefficients=[k]).luminance_cd_m2
+        u = found.standard_uncertainty / found.value
+        yield Drawn(found.value / lights[row.scene] - 1.0, u, K95 * u)
+
+    return work
+
+
+for percent in (0.3, 1.0, 3.0):
+    regime(f"L of a later frame, frames scatter by {percent:g} %")(_field(percent / 100.0))
+
+
+def _mean(count: int) -> Regime:
+    """Lamps of any depth on 50 Hz at 1/60 s, whose phase nobody knows."""
+    time_s = 1 / 60
+    half = abs(math.sin(100 * math.pi * time_s)) / (100 * math.pi * time_s)
+    expected = corrections.estimate_flicker(time_s, 50.0, modulation=(0.0, 1.0))[1]
+
+    def work(random: Random) -> Iterator[Drawn]:
+        depth = random.uniform() * half
+        shown = 300 * (
+            1 + depth * np.sin(random.uniform(0, 2 * np.pi, count))
+        ) + 0.5 * random.standard_normal(count)
+        signals = [
+            Signal(
+                value_dn=each,
+                standard_uncertainty_dn=0.5,
+                saturated_share=0.0,
+                black_level_dn=0.0,
+                white_level_dn=4095.0,
+            )
+            for each in shown.tolist()
+        ]
+        found = pixels.evaluate_scatter(signals, dark_signal_dn=0.0, expected_rel=math.hypot(expected, 0.01))
+        u = math.hypot(found.rel, 0.5 / 300) / math.sqrt(count)
+        yield Drawn(shown.mean() / 300 - 1.0, u, coverage_factor(found.dof) * u, depth / math.sqrt(2 * count))
+
+    return work
+
+
+for count in (2, 3, 4):
+    regime(f"mean of {count} frames under flicker", draws=2000)(_mean(count))
+
+
+def _uniformity(noise: float, *, lengthwise: bool) -> Regime:
+    along, across = np.meshgrid((np.arange(10) + 0.5) / 10, (np.arange(6) + 0.5) / 6)
+    light = 1.0 + 0.45 * np.cos(2 * np.pi * along) * (1.1 - 0.3 * across)
+    none = np.zeros((0, *light.shape))
+
+    def work(random: Random) -> Iterator[Drawn]:
+        seen = light * (1 + noise * random.standard_normal(light.shape))
+        cells = Cells(values_cd_m2=seen, noise_cd_m2=noise * seen, shared_cd_m2=none, local_cd_m2=none)
+        surface = judge_uniformity(cells)
+        truths = light.min(axis=1) / light.max(axis=1) if lengthwise else [light.min() / light.mean()]
+        for found, truth in zip(surface.u_l if lengthwise else [surface.u_o], truths, strict=True):
+            u = found.standard_uncertainty / truth
+            yield Drawn(found.value / truth - 1.0, u, K95 * u)
+
+    return work
+
+
+for noise in (0.05, 0.1):
+    regime(f"U_o, cells good to {noise:.0%}")(_uniformity(noise, lengthwise=False))
+    regime(f"U_l, cells good to {noise:.0%}", draws=100)(_uniformity(noise, lengthwise=True))
+
+
+# --- reflectance: a panel that leans by 2 degrees, a light sensor on a mount, a sky that is partly diffuse
+
+SHOT = take(np.random.default_rng(1), {"green": 0.18})[0]
+PANEL_READING = reflectance.Reading(panel="P", band="green", reflectance=0.69, standard_uncertainty=0.002)
+
+
+def _turn(yaw: float, pitch: float, roll: float) -> np.ndarray:
+    """Return the direction of what points up before it is turned; x to the north, z down."""
+    (cy, cp, cr), (sy, sp, sr) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
+    return -np.array([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr])
+
+
+def _pass(cosine: float) -> float:
+    """What a diffuser of refractive index 1.38 lets in, by Fresnel."""
+    inside = math.sqrt(1 - (1 - cosine**2) / 1.38**2)
+    across, along = (
+        (cosine - 1.38 * inside) / (cosine + 1.38 * inside),
+        (inside - 1.38 * cosine) / (inside + 1.38 * cosine),
+    )
+    return 1 - (across**2 + along**2) / 2
+
+
+def _reflectance(noise: float, latitude_deg: float) -> Regime:
+    """R = 0.3 of a later frame, one reading of the light sensor at the panel and one at the frame."""
+    at = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0, "latitude_deg": latitude_deg}
+    header = dataclasses.replace(SHOT.header, **at)
+    (position,) = locate_suns_of(header)
+    height, azimuth = math.radians(position.elevation_deg), math.radians(position.azimuth_deg)
+    sun = np.array(
+        [math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), -math.sin(height)]
+    )
+
+    def work(random: Random) -> Iterator[Drawn]:
+        diffuse = float(np.clip(random.normal(1 / 6, 0.1), 0.0, 0.6))
+        mount = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
+
+        def see(row):
+            yaw, tilt = random.uniform(0, 2 * math.pi), random.normal(0.0, math.radians(4.0), 2)
+            own = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
+            cosine = max(0.0, float(_turn(yaw, *(tilt + mount + own)) @ sun))
+            light = (1 - diffuse) * cosine * _pass(cosine) / _pass(1.0) / math.sin(height) + diffuse
+            stated = dict(zip(("pitch_deg", "roll_deg"), np.degrees(tilt).tolist(), strict=True))
+            sensor = SunshineIrradiance(
+                irradiance_w_m2_nm=43000.0 * light * (1 + noise * random.standard_normal()),
+                quantity="spectral", unit_origin="tag", yaw_deg=math.degrees(yaw), **stated,
+            )  # fmt: skip
+            return change_band([row], counts=None, irradiance=sensor)[0]
+
+        panel = (
+            _turn(random.uniform(0, 2 * math.pi), *random.normal(0.0, math.radians(2.0), 2))
+            @ sun
+            / math.sin(height)
+        )
+        true = 0.69 + 0.002 * random.standard_normal()
+        signals = (true * 43000.0 * panel / 1300.0, 0.3 * 43000.0 / 1300.0)
+        features = [dataclasses.replace(SHOT.features, i_sq=each, gradient_rel=0.0) for each in signals]
+        row = see(dataclasses.replace(SHOT, header=header, features=features[0]))
+        fit = reflectance.fit([row], [PANEL_READING], reflectance.Params(drift_half_hour_rel=0.0))
+        frame = see(dataclasses.replace(SHOT, role="field", header=header, features=features[1]))
+        k = fit.band_fits[0].coefficient
+        found = reflectance.apply_features(features[1], header=frame.header, coefficients=[k]).reflectance
+        u = found.standard_uncertainty / found.value
+        yield Drawn(found.value / 0.3 - 1.0, u, K95 * u)
+
+    return work
+
+
+for noise, latitude_deg in ((0.03, 20.0), (0.05, 20.0), (0.03, 50.0), (0.05, 50.0)):
+    regime(f"R, light readings good to {noise:.0%}, sun {latitude_deg:g}° from the zenith", draws=1000)(
+        _reflectance(noise, latitude_deg)
+    )
+
+
+# --- optics
+
+
+def _falloff(light: Callable[[np.ndarray], np.ndarray]) -> Regime:
+    """V at the corner from one flat with a plane of 1 % and a centre that is 3 % of the half diagonal off."""
+    height, width = 640, 960
+    reach = math.hypot(height, width) / 2
+    y, x = np.arange(height)[:, None], np.arange(width)[None]
+
+    def work(random: Random) -> Iterator[Drawn]:
+        centre = np.array([(height - 1) / 2, (width - 1) / 2]) + 0.03 * reach * random.standard_normal(2)
+        slope = 0.01 * random.standard_normal(2)
+        plane = 1 + (slope[0] * (y - height / 2) + slope[1] * (x - width / 2)) / reach
+        shown = light(((y - centre[0]) ** 2 + (x - centre[1]) ** 2) / reach**2) * plane
+        grid = Grid.over(height, width)
+        rows, cols = grid.axes(Site(row0=0, col0=0, step=1))
+        blocks = np.add.reduceat(np.add.reduceat(shown, rows.starts, 0), cols.starts, 1)
+        blocks /= np.outer(rows.counts, cols.counts)
+        noise = 4e-4 * np.sqrt(blocks)
+        flat = Blocks(
+            grid=grid,
+            rows=rows,
+            cols=cols,
+            light=blocks + noise * random.standard_normal(blocks.shape),
+            standard_error=noise,
+        )
+        found = fit_channel([flat], f_number=2.0, channel="grey").fit.coefficient
+        corners = [(row, col) for row in (-0.5, height - 0.5) for col in (-0.5, width - 0.5)]
+        truth = light(np.array(max(math.dist(each, centre) for each in corners) ** 2 / reach**2))
+        u = found.corner_falloff_standard_uncertainty
+        yield Drawn(float(1.0 - found.corner_falloff - truth), u, K95 * u)
+
+    return work
+
+
+def _cos4(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda s: (1 + s * math.tan(math.radians(degrees)) ** 2) ** -2
+
+
+for degrees in (25, 35, 42):
+    regime(f"V at the corner, cos⁴ to {degrees}°", draws=100)(_falloff(_cos4(degrees)))
+regime("V at the corner, cos⁴ to 30° with a rim", draws=100)(
+    _falloff(lambda s: _cos4(30)(s) * (1 - 0.25 / (1 + np.exp((0.8 - np.sqrt(s)) / 0.12))))
+)
+
+
+@regime("MTF50 of an edge, blur of 0.8 px, noise of 1 %", draws=100)
+def _edge(random: Random) -> Iterator[Drawn]:
+    angle, sigma, size = math.radians(random.uniform(4.0, 9.0)), 0.8, 80
+    row, col = np.mgrid[:size, :size] - (size - 1) / 2
+    distance = (col + random.uniform(-1, 1)) * math.cos(angle) + row * math.sin(angle)
+    shown = (
+        500.0
+        + 1000.0 * (1 + erf(distance / (sigma * math.sqrt(2))))
+        + 20.0 * random.standard_normal((size, size))
+    )
+    frame = frame_of(shown, cfa="grey")
+    camera = CameraModel(height_px=size, width_px=size, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
+    whole = Region(name="", polygon=Polygon.from_points([(2, 2), (78, 2), (78, 78), (2, 78)]))
+    extracted = extract_sharpness(
+        frame, [whole], header=make_header(camera), exposure=None, target=SharpnessTarget()
+    )
+    found = extracted.features.regions[0].edges[0].mtf50
+    truth = math.sqrt(math.log(2.0) / 2.0) / (math.pi * sigma)
+    u = found.standard_uncertainty / truth
+    yield Drawn(found.value / truth - 1.0, u, K95 * u)
+
+
+BOARD = Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
+TRUE = {"fx_px": 520.0, "cx_px": 332.0, "cy_px": 229.0, "k1": -0.2}
+
+
+def _geometry(name: str) -> Regime:
+    """Twelve views of a board whose corners are good to 0.1 px, seen through f (1 + k1 r^2)."""
+    board = locate_corners_mm(BOARD, np.arange(BOARD.corners))
+    camera = CameraModel(height_px=480, width_px=640, fx_px=520.0, fy_px=520.0, cx_px=332.0, cy_px=229.0)
+
+    def work(random: Random) -> Iterator[Drawn]:
+        rows = []
+        for view in range(12):
+            turn = random.uniform(-0.6, 0.6, 3)
+            cosine, sine = np.cos(turn), np.sin(turn)
+            about_x = np.array([[1, 0, 0], [0, cosine[0], -sine[0]], [0, sine[0], cosine[0]]])
+            about_y = np.array([[cosine[1], 0, sine[1]], [0, 1, 0], [-sine[1], 0, cosine[1]]])
+            about_z = np.array([[cosine[2], -sine[2], 0], [sine[2], cosine[2], 0], [0, 0, 1]])
+            middle = np.column_stack([board - board.mean(axis=0), np.zeros(len(board))])[:, :3]
+            at = middle @ (about_z @ about_y @ about_x).T + [
+                *random.uniform(-60, 60, 2),
+                random.uniform(330, 450),
+            ]
+            x, y = at[:, 0] / at[:, 2], at[:, 1] / at[:, 2]
+            bend = 1 + TRUE["k1"] * (x * x + y * y)
+            seen = np.column_stack([229.0 + 520.0 * y * bend, 332.0 + 520.0 * x * bend])
+            seen += 0.1 * random.standard_normal(seen.shape)
+            rows.append(make_row(f"view-{view}", camera, BOARD, np.arange(len(board)), seen))
+        fit = fit_geometry(rows, GeometryParams())
+        found = next(each for each in list_coefficients(fit) if each.name == name)
+        u = found.standard_uncertainty
+        yield Drawn(found.value - TRUE[name], u, coverage_factor(found.effective_dof or math.inf) * u)
+
+    return work
+
+
+for name in TRUE:
+    regime(f"{name.removesuffix('_px')} of 12 views, corners good to 0.1 px", draws=100)(_geometry(name))
+
+
+# --- noise: a sensor of 96 x 96 pixels, 0.5 DN/e-, read noise 4 e-
+
+SIDE, GAIN, WHITE = 96, 0.5, 16383.0
+
+
+def _expose(random: Random, electrons: float, *, pattern, prnu, count: int) -> list[np.ndarray]:
+    found = []
+    for _ in range(count):
+        light = random.poisson(electrons * prnu) if electrons else 0.0
+        shown = light + pattern + random.normal(0.0, 4.0, (SIDE, SIDE))
+        found.append(np.clip(np.rint(256.0 + GAIN * shown), 0, WHITE).astype(np.uint16))
+    return found
+
+
+def _stack(frames: list[np.ndarray], role: str, time_s: float):
+    setting = stacks.Setting(role, "", 100.0, 0.0 if role == "dark" else 4.0, time_s, "grey", (0, 0, SIDE))
+    blocks = [
+        (
+            f"{role}-{time_s}-{n}",
+            ChannelBlock(
+                channel="grey", row0=0, col0=0, step=1, samples_dn=pack(each, dtype="<u2"),
+                clipped_share=float((each >= WHITE).mean()), zero_share=float((each == 0).mean()),
+                black_level_dn=256.0, white_level_dn=WHITE,
+            ),
+        )
+        for n, each in enumerate(frames)
+    ]  # fmt: skip
+    return stacks._measure(setting, blocks)
+
+
+def _dsnu(deviation_e: float, count: int) -> Regime:
+    def work(random: Random) -> Iterator[Drawn]:
+        pattern = random.normal(0.0, deviation_e, (SIDE, SIDE))
+        dark = _stack(_expose(random, 0.0, pattern=pattern, prnu=1.0, count=count), "dark", 0.01)
+        found = channels.find_dsnu([dark])[0]
+        truth = deviation_e * GAIN
+        u = found.standard_uncertainty / truth
+        yield Drawn(found.value / truth - 1.0, u, K95 * u)
+
+    return work
+
+
+for deviation_e, count in ((3.0, 2), (3.0, 16), (1.0, 16)):
+    regime(f"DSNU of {deviation_e:g} e⁻ beside 4 e⁻, {count} frames")(_dsnu(deviation_e, count))
+
+
+# --- the table
+
+
+def measure(name: str) -> str:
+    work, draws = REGIMES[name]
+    began = time.process_time()
+    found: list[Drawn] = []
+    for seed in range(draws):
+        found += work(np.random.default_rng([seed, len(name)]))
+    errors, us, expanded, oracles = np.array(found).T
+    held = int(np.sum(np.abs(errors) <= expanded))
+    low, high = binomtest(held, len(found)).proportion_ci(method="wilson")
+    rms, u, oracle = (math.sqrt(float(np.mean(each**2))) for each in (errors, us, oracles))
+    wide = f"{np.median(expanded / K95) / np.median(oracles):.2f}" if math.isfinite(oracle) else "-"
+    seconds = time.process_time() - began
+    _say(f"{name}: {seconds:.0f} s", sys.stderr)
+    return (
+        f"| {name} | {len(found)} | {100 * held / len(found):.1f} ({100 * low:.1f} to {100 * high:.1f}) "
+        f"| {np.mean(errors):+.2g} | {rms:.2g} | {u:.2g} | {wide} |"
+    )
+
+
+def _say(text: str, to: TextIO | None = None) -> None:
+    print(text, file=to, flush=True)
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--only", default="", help="regimes whose names contain this")
+    only = asked.parse_args().only
+    _say("| regime | values | held by U [%] | mean error | rms | u | U / oracle's |")
+    _say("|---|---|---|---|---|---|---|")
+    with ProcessPoolExecutor() as pool:
+        for line in pool.map(measure, [name for name in REGIMES if only in name]):
+            _say(line)
+
+
+if __name__ == "__main__":
+    main()
