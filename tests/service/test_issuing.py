@@ -121,8 +121,8 @@ def test_nothing_is_published_without_its_certificate(house, version, monkeypatc
 
     place = {
         "typesetter": "service.documents.rendered.render_apart",
-        "room": "service.documents.issuing._store",
-        "commit": "service.calibrations.routes.keep_issued",
+        "room": "store.blobs.spool.Blobs.keep",
+        "commit": "store.publications.keep_issued",
     }[fault]
     client = house.with_key("stilb_test_key")
     with monkeypatch.context() as during:
@@ -196,7 +196,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
     """As at an upgrade: rows of publications, and nothing issued."""
     newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
     for each in (version, newer):
-        monkeypatch.setattr("service.calibrations.routes.keep_issued", lambda *_: None)
+        monkeypatch.setattr("store.publications.keep_issued", lambda *_: None)
         publish(house, each)
     monkeypatch.undo()
     backlog = Backlog(house.app.state.context)
@@ -231,7 +231,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
 def test_one_that_cannot_be_issued_yet_keeps_no_other_waiting(house, version, monkeypatch):
     newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
     with monkeypatch.context() as before:
-        before.setattr("service.calibrations.routes.keep_issued", lambda *_: None)
+        before.setattr("store.publications.keep_issued", lambda *_: None)
         for each in (version, newer):
             publish(house, each)
     build = house.app.state.context.reviews.find

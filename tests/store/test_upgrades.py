@@ -25,7 +25,7 @@ RELEASES = Path(__file__).parent / "releases"
 CHANGES = re.findall(r"^## (\d+\.\d+\.\d+) ", Path("CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
 
 
-JUDGED = {".flags", ".to_do_better", ".missing", ".advice"}
+JUDGED = {".flags", ".to_do_better", ".missing", ".advice", ".findings"}
 """What is judged when it is asked for, by the code of now."""
 
 

@@ -41,8 +41,8 @@ from tests.radiometry.reflectance.captures import (
     seeded,
     take,
 )
+from tests.support import reader
 from tests.support.data import data_file
-from worker.decode import reader
 
 ROW = take(seeded(), {"green": PANEL_R["green"]})[0]
 # At this place and time the sun stands near the zenith angle that the latitude states.
