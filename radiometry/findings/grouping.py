@@ -146,6 +146,8 @@ _BY_SOURCE = {
     "sunshine tilt": "Mount the sunshine sensor level, and fly when the sun is high: its tilt is the largest "
     "source.",
     "panel": "Have the panel measured, and take it level and evenly lit: the panel is the largest source.",
+    "panel angle": "Level the panel with a bubble or an inclinometer, and state its level: its angle is the "
+    "largest source.",
     "alignment": "Draw the region where its surroundings are even: what remains of the bands' displacement "
     "is the largest source.",
     "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, Raised
+from radiometry.findings.grouping import advise
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.indices import compute, read_formula
@@ -66,6 +67,9 @@ def test_a_tilt_cancels_in_a_ratio_and_a_panel_is_taken_at_its_worse():
     angled = measure("ndvi", *panel, shared_u_rel=0.02, angle_u_rel=0.02)
     assert angled.value.standard_uncertainty == pytest.approx(0.0, abs=1e-9)
     assert measure("nir + red", *panel).value.standard_uncertainty == pytest.approx(math.hypot(0.01, 0.006))
+    # each can be the largest source, and has its advice
+    assert {share.source for share in angled.budget} >= {"K", "panel", "panel angle", "alignment"}
+    assert all(advise((), budget=[(share.source, 1.0)]) for share in angled.budget)
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 1.0])
