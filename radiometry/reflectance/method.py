@@ -98,10 +98,10 @@ def find_scale_of_frame(
         header, stale = recall_attitude(header, coefficient.panel_light or ())
         flags += [codes.SUNSHINE_STALE.at("", stale)] if stale else []
         value, u_rel = coefficient.channel_ratio, coefficient.channel_ratio_u_rel or 0.0
-        # the light of the panel of an older version was not levelled without a zone
+        # the panel's light of an older version was not levelled without a zone, and its sky was white
         older = all(knot.level_effects is None for knot in coefficient.knots)
         sunshine = measure_light(
-            header,
+            replace(header, multispectral=replace(band, wavelength_nm=None)) if older else header,
             choice=coefficient.sunshine_choice,
             params=None if older and len(sun.locate_suns_of(header)) > 1 else coefficient.tilt,
             ratio=None if value is None else Gain(value=value, u_rel=u_rel),

@@ -235,6 +235,30 @@ def test_a_reading_that_repeats_while_the_aircraft_leans_is_an_earlier_one():
     assert applied.reflectance.standard_uncertainty < 0.025
 
 
+def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
+    """Panel and flight lean alike: blue light is levelled alike, as it was then and as it is now."""
+    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    light = SunshineIrradiance(
+        irradiance_w_m2_nm=1.0,
+        quantity="spectral",
+        unit_origin="tag",
+        yaw_deg=0.0,
+        pitch_deg=10.0,
+        roll_deg=0.0,
+    )
+    row = dataclasses.replace(ROW, header=header)
+    (row,) = change_band([row], counts=None, irradiance=light, wavelength_nm=475.0)
+    found = k_of(reflectance.fit([row], READINGS, reflectance.Params())).coefficient
+    knots = [dataclasses.replace(knot, level_effects=None, level_u_rel=None) for knot in found.knots]
+    older = dataclasses.replace(found, knots=tuple(knots))
+    (white,) = change_band([row], wavelength_nm=None)
+    seen = [
+        reflectance.apply_features(ROW.features, header=each.header, coefficients=[by]).i_ss
+        for each, by in ((row, found), (row, older), (white, found))
+    ]
+    assert seen[1] == seen[2] == pytest.approx(0.98 * seen[0], rel=0.005)
+
+
 def _normal(pitch, roll):
     """Upward normal (north, east, up) of a body that faces north."""
     return np.array([-math.sin(pitch) * math.cos(roll), math.sin(roll), math.cos(pitch) * math.cos(roll)])
