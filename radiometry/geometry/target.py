@@ -133,11 +133,12 @@ def measure_spacing_px(target: Target, indices: NDArray[np.int64], corners: NDAr
 FirstSquare = Literal["black", "white"]
 
 FEWEST_CORNERS: Final = 6
-# Half the side of the square in which a corner is placed, of the shortest distance to the next corner: it
-# sees no edge of another, nor the outer one of a board whose outer squares are halves
-_WINDOW_SHARE: Final = 1.0 / 3.0
-_LARGEST_WINDOW_PX: Final = 11
+_LARGEST_WINDOW_PX: Final = 11  # Half the side of the square in which a corner is placed
 _SMALLEST_WINDOW_PX: Final = 3  # In a smaller one the edges of a blurred picture leave no slope
+_CLEAR_PX: Final = 2.0  # Of the edge of an outer square that is a half, at a window's corner
+# A corner that half the window places so far away, and so much farther than others, was drawn to another edge
+_DRAWN_PX: Final = 0.5
+_DRAWN_RATIO: Final = 4.0
 _BLUR_PX: Final = 1.0  # that a marker's edge reaches beyond itself
 # Beyond it a board is looked for in a smaller copy, and placed in the picture itself.
 _LONGEST_SIDE_PX: Final = 1600
@@ -165,9 +166,10 @@ def find_corners(grey: Grey, target: Target) -> Found:
 
     A board is searched in a copy of at most 1600 pixels a side: a checkerboard by its squares, then by its
     edges' directions [2], a ChArUco board by its markers. Each corner is then placed in the picture
-    itself, where every edge nearby points at it [1], in a window whose half side is a third of the view's
-    shortest distance between corners, 3 to 11 pixels. On a ChArUco board it is kept clear of the markers,
-    whose edges point elsewhere.
+    itself, where every edge nearby points at it [1], in a window that keeps clear of the half of the view's
+    shortest distance between corners, where the outer edge of many boards is; a corner that is drawn there
+    all the same is placed in half the window. On a ChArUco board it is kept clear of the markers, whose
+    edges point elsewhere.
 
     [1] W. Foerstner, E. Guelch, A fast operator for detection and precise location of distinct points,
         1987
@@ -233,6 +235,10 @@ def _place(grey: Grey, target: Target, indices: NDArray[np.int64], rough: NDArra
     spacing = measure_spacing_px(target, indices, rough)
     window = _choose_window_px(target, spacing)
     fitted = refine(grey.fine, rough, window)
+    near = refine(grey.fine, rough, max(_SMALLEST_WINDOW_PX, (window + 1) // 2))
+    apart = np.linalg.norm(fitted - near, axis=1)
+    drawn = apart > max(_DRAWN_PX, _DRAWN_RATIO * float(np.median(apart)))
+    fitted[drawn] = near[drawn]
     return Found(
         indices=indices,
         fitted=fitted[:, ::-1],
@@ -256,7 +262,7 @@ def _read_first_square(
 
 
 def _choose_window_px(target: Target, spacing_px: float) -> int:
-    room = _WINDOW_SHARE * spacing_px
+    room = (spacing_px / 2.0 - _CLEAR_PX) / math.sqrt(2.0)
     if target.marker_size_mm is not None:
         beside = (1.0 - target.marker_size_mm / target.square_size_mm) / 2.0
         room = min(room, beside * spacing_px - _BLUR_PX)

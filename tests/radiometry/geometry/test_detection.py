@@ -156,8 +156,8 @@ def test_a_noise_is_no_board():
 def test_windows_keep_clear_of_neighbours(opencv_rows):
     left02 = opencv_rows[1].features
     assert left02.spacing_px == pytest.approx(21.8, abs=0.1)
-    assert left02.fitted_window_px == 7
-    assert [row.features.fitted_window_px for row in opencv_rows].count(11) == 2
+    assert left02.fitted_window_px == 6
+    assert [row.features.fitted_window_px for row in opencv_rows].count(11) == 1
 
 
 def test_corners_in_a_blurred_board_do_not_follow_its_markers():
