@@ -65,7 +65,7 @@ class Certificate(models.Form, models.Answer):
     laboratory: models.Text = models.told("Who issued the certificate.")
     issued_on: models.Day = models.told("Date of the certificate.")
     due_on: models.Day = models.told(
-        "When the meter is to be calibrated again; certificates name later readings as a gap.Not before "
+        "When the meter is to be calibrated again; certificates name later readings as a gap. Not before "
         "`issued_on`."
     )
     expanded_uncertainty_rel: models.Number = models.told(
