@@ -180,7 +180,7 @@ def fit_channel(
         if not falloff.is_apart(alone.parameters[falloff.CENTRE] - centre, own + spread):
             prior = prior.replace(falloff.CENTRE, centre, spread)
             solution = falloff.solve_falloff(blocks, prior, terms=len(alone.k))
-    solution = replace(solution, further=alone.further)
+    solution = replace(solution, further=alone.further, before=alone.before)
     fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
     return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
 
@@ -268,7 +268,7 @@ def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
     """Compute by how much, relative, V departs from the blocks beyond their noise; 0 where noise explains it.
 
     s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations;
-    at least what a further term changes, rms over a disc.
+    at least what terms that were left out may change, rms over a disc.
     """
     radii = falloff.sample_radii(1.0)
     changed = solution.find_left(radii) / falloff.evaluate_curve(radii**2, solution.k)
