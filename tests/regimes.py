@@ -206,8 +206,8 @@ def _uniformity(noise: float, *, lengthwise: bool) -> Regime:
 
 
 for noise in (0.05, 0.1):
-    regime(f"U_o, cells good to {noise:.0%}")(_uniformity(noise, lengthwise=False))
-    regime(f"U_l, cells good to {noise:.0%}", draws=100)(_uniformity(noise, lengthwise=True))
+    regime(f"U_o, cells good to {100 * noise:g} %")(_uniformity(noise, lengthwise=False))
+    regime(f"U_l, cells good to {100 * noise:g} %", draws=100)(_uniformity(noise, lengthwise=True))
 
 
 # --- reflectance: a panel that leans by 2 degrees, a light sensor on a mount, a sky that is partly diffuse
@@ -278,7 +278,7 @@ def _reflectance(noise: float, latitude_deg: float) -> Regime:
 
 
 for noise, latitude_deg in ((0.03, 20.0), (0.05, 20.0), (0.03, 50.0), (0.05, 50.0)):
-    regime(f"R, light readings good to {noise:.0%}, sun {latitude_deg:g}° from the zenith", draws=1000)(
+    regime(f"R, light readings good to {100 * noise:g} %, sun {latitude_deg:g}° from the zenith", draws=1000)(
         _reflectance(noise, latitude_deg)
     )
 
