@@ -153,7 +153,7 @@ def _field(scatter: float) -> Regime:
 
 
 for percent in (0.3, 1.0, 3.0):
-    regime(f"L of a later frame, frames scatter by {percent:g} %")(_field(percent / 100.0))
+    regime(f"L, frames scatter by {percent:g} %")(_field(percent / 100.0))
 
 
 def _mean(count: int) -> Regime:
@@ -206,8 +206,8 @@ def _uniformity(noise: float, *, lengthwise: bool) -> Regime:
 
 
 for noise in (0.05, 0.1):
-    regime(f"U_o, cells good to {100 * noise:g} %")(_uniformity(noise, lengthwise=False))
-    regime(f"U_l, cells good to {100 * noise:g} %", draws=100)(_uniformity(noise, lengthwise=True))
+    regime(f"U_o, cells to {100 * noise:g} %")(_uniformity(noise, lengthwise=False))
+    regime(f"U_l, cells to {100 * noise:g} %", draws=100)(_uniformity(noise, lengthwise=True))
 
 
 # --- reflectance: a panel that leans by 2 degrees, a light sensor on a mount, a sky that is partly diffuse
@@ -278,7 +278,7 @@ def _reflectance(noise: float, latitude_deg: float) -> Regime:
 
 
 for noise, latitude_deg in ((0.03, 20.0), (0.05, 20.0), (0.03, 50.0), (0.05, 50.0)):
-    regime(f"R, light readings good to {100 * noise:g} %, sun {latitude_deg:g}° from the zenith", draws=1000)(
+    regime(f"R, light readings to {100 * noise:g} %, sun at {latitude_deg:g}°", draws=1000)(
         _reflectance(noise, latitude_deg)
     )
 
@@ -387,7 +387,7 @@ def _geometry(name: str) -> Regime:
 
 
 for name in TRUE:
-    regime(f"{name.removesuffix('_px')} of 12 views, corners good to 0.1 px", draws=100)(_geometry(name))
+    regime(f"{name.removesuffix('_px')}, corners to 0.1 px", draws=100)(_geometry(name))
 
 
 # --- noise: a sensor of 96 x 96 pixels, 0.5 DN/e-, read noise 4 e-
@@ -453,8 +453,8 @@ def measure(name: str) -> str:
     seconds = time.process_time() - began
     _say(f"{name}: {seconds:.0f} s", sys.stderr)
     return (
-        f"| {name} | {len(found)} | {100 * held / len(found):.1f} ({100 * low:.1f} to {100 * high:.1f}) "
-        f"| {np.mean(errors):+.2g} | {rms:.2g} | {u:.2g} | {wide} |"
+        f"| {name} | {len(found)} | {100 * held / len(found):.1f} ({100 * low:.1f}-{100 * high:.1f}) "
+        f"| {rms:.2g} | {u:.2g} | {wide} |"
     )
 
 
@@ -466,8 +466,8 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--only", default="", help="regimes whose names contain this")
     only = asked.parse_args().only
-    _say("| regime | values | held by U [%] | mean error | rms | u | U / oracle's |")
-    _say("|---|---|---|---|---|---|---|")
+    _say("| regime | values | held by U [%] | rms | u | U / oracle's |")
+    _say("|---|---|---|---|---|---|")
     with ProcessPoolExecutor() as pool:
         for line in pool.map(measure, [name for name in REGIMES if only in name]):
             _say(line)
