@@ -329,7 +329,7 @@ regime("V at the corner, cos⁴ to 30° with a rim", draws=100)(
 )
 
 
-@regime("MTF50 of an edge, blur of 0.8 px, noise of 1 %", draws=100)
+@regime("MTF50, blur 0.8 px, noise 1 %", draws=100)
 def _edge(random: Random) -> Iterator[Drawn]:
     angle, sigma, size = math.radians(random.uniform(4.0, 9.0)), 0.8, 80
     row, col = np.mgrid[:size, :size] - (size - 1) / 2
