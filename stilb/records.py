@@ -363,6 +363,7 @@ class Reading(TypedDict):
     unit: str
     meter_id: NotRequired[str]
     taken_at: NotRequired[str]
+    reason: NotRequired[str]
 
 
 class Grid(TypedDict):

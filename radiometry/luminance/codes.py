@@ -81,7 +81,7 @@ READING_MISSING = reason(
 )
 READING_OFF = warn(
     "A reading and the frames of its scene disagree; from a factor of two on, no fit begins.",
-    "Correct the reading or its unit, keep it with a reason, or leave out the frames of the scene.",
+    "Correct the reading or its unit, keep it with a `reason`, or leave out the frames of the scene.",
     "campaign",
 )
 NEARLY_CLIPPED = warn(

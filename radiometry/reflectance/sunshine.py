@@ -62,8 +62,9 @@ _BASES: dict[str, LightBasis] = {
 }
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 LARGEST_TILT_DEG = 3.0
-# A P4 repeats its readings within 0.12 %, one of five bands bit for bit.
-_REPEATS_REL = 0.002
+# A P4 repeats its readings within 0.12 %, one of five bands bit for bit. A sensor that turns by little sees
+# nearly the same light by chance.
+_REPEATS_REL, _LEANS_DEG = 0.002, 10.0
 # Of a sensor that states no attitude, as a drone leans in flight; and of a sun that nobody can locate.
 ASSUMED_TILT_DEG = 5.0
 ASSUMED_SUN = SunPosition(elevation_deg=45.0, azimuth_deg=0.0)
@@ -267,7 +268,7 @@ def find_repeated(band: Multispectral, earlier: Iterable[Light]) -> tuple[Light,
     for light in earlier:
         turned = turned_deg(now.angles_deg, light.angles_deg)
         change_rel = now.value / light.value - 1.0 if light.value else 1.0
-        if turned > LARGEST_TILT_DEG and abs(change_rel) < _REPEATS_REL:
+        if turned > (_LEANS_DEG if change_rel else LARGEST_TILT_DEG) and abs(change_rel) < _REPEATS_REL:
             return light, f"Changed by {change_rel:+.2%} while the sensor turned by {turned:.1f} degrees."
     return None
 

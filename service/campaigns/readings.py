@@ -17,7 +17,7 @@ from service.http.problems import Problem, not_found, wrong
 from store.queries import audit, campaigns
 from store.tables import Campaign, Meter, Reading, utc_now
 
-_COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
+_COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at", "reason")
 _NEEDED = frozenset(_COLUMNS[:4])
 _KIND = tables.Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
 
@@ -29,7 +29,7 @@ def read_readings(data: bytes) -> list[NewReading]:
 
 def _name_fields(columns: list[str]) -> list[str]:
     if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
-        message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last two may be absent)"
+        message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last three may be absent)"
         raise tables.refuse_columns(message, columns)
     return columns
 

@@ -1,5 +1,6 @@
 """Middleware: limits of bodies, digests, compression, HEAD, overridden methods, headers, host names."""
 
+import abc
 import asyncio
 import base64
 import hashlib
@@ -37,7 +38,7 @@ def is_upload(scope: Scope) -> bool:
     return _UPLOADS.fullmatch(f"{scope['method']} {scope['path']}") is not None
 
 
-class _Layer:
+class _Layer(abc.ABC):
     """Passes on what is no request of HTTP."""
 
     def __init__(self, app: ASGIApp) -> None:
@@ -46,8 +47,8 @@ class _Layer:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         await (self._serve if scope["type"] == "http" else self._app)(scope, receive, send)
 
-    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        raise NotImplementedError
+    @abc.abstractmethod
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None: ...
 
 
 class BodyLimit(_Layer):

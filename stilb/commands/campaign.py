@@ -194,7 +194,7 @@ def readings(
     output: Output,
     campaign: CampaignNamed,
     spreadsheet: Path = typer.Argument(
-        ..., metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"
+        ..., metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit,reason"
     ),
     meter: list[str] | None = typer.Option(None, help="Id of the meter; repeatable."),
 ) -> None:

@@ -40,7 +40,10 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "meter": ({"kind", "make", "model", "serial", "certificate"}, {"kind", "make", "model", "serial"}),
     "frames": ({"role", "pattern", "scene", "first", "last", *_EXPOSURE}, {"role"}),
     "readings": ({"file"}, {"file"}),
-    "reading": ({"scene", "quantity", "value", "unit", "taken_at"}, {"scene", "quantity", "value", "unit"}),
+    "reading": (
+        {"scene", "quantity", "value", "unit", "taken_at", "reason"},
+        {"scene", "quantity", "value", "unit"},
+    ),
     "region": ({"polygon", "imagej", "file", "parts"}, set()),
     "fit": (set(), set()),
     "measure": ({*records.MeasureDetails.__annotations__} - {"polygon"}, set()),

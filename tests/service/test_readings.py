@@ -68,6 +68,11 @@ def test_every_spreadsheet_is_read(house, text):
     ]
 
 
+def test_a_reading_is_kept_with_a_reason_in_words(house):
+    text = "scene,quantity,value,unit,reason\nlevel-1,luminance,12.8,cd/m2,a filter was on the lens\n"
+    assert read_csv(house, text)["items"][0]["reason"] == "a filter was on the lens"
+
+
 def test_each_bad_row_is_named_by_its_line_and_none_is_kept(house):
     text = (
         "scene;quantity;value;unit\nlevel-1;luminance;54,4;cd/m2\nlevel-2;luminance;n/a;cd/m2\n"

@@ -1,5 +1,6 @@
 """JPEG and PNG pictures: for charts only, where shapes are measured and not light."""
 
+import abc
 import re
 import struct
 from collections.abc import Iterator
@@ -159,14 +160,14 @@ def is_picture(head: bytes) -> bool:
     return head.startswith((_JPEG_MAGIC, PNG_MAGIC))
 
 
-class WholeFile:
+class WholeFile(abc.ABC):
     """A file whose samples are all there at once, and mean what they are."""
 
     header: FrameHeader
     lowest_dn = 0.0
 
-    def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]: ...
 
     def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
         yield 0, self.read(0, 0, self.header.height_px, self.header.width_px)

@@ -27,7 +27,7 @@ from radiometry.reflectance.sun import (
     sun_angle_deg,
     transmit,
 )
-from radiometry.reflectance.sunshine import measure_light, measure_sunshine
+from radiometry.reflectance.sunshine import find_repeated, measure_light, measure_sunshine, see_light
 from tests.radiometry.reflectance.captures import (
     PANEL_R,
     READINGS,
@@ -233,6 +233,22 @@ def test_a_reading_that_repeats_while_the_aircraft_leans_is_an_earlier_one():
     assert "sunshine_stale" in flags_of(applied.flags)
     assert applied.reflectance.value == pytest.approx(0.5, rel=0.003)
     assert applied.reflectance.standard_uncertainty < 0.025
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "change_rel", "is_earlier"),
+    [(5.0, 0.0, True), (5.0, 0.001, False), (12.0, 0.001, True), (12.0, 0.003, False), (2.0, 0.0, False)],
+)
+def test_light_is_a_repetition_only_where_chance_does_not_explain_it(turned_deg, change_rel, is_earlier):
+    told = reader.read_header(data_file("p4m/DJI_0014.TIF")).multispectral
+    earlier = see_light(told)
+    light = dataclasses.replace(
+        told.irradiance,
+        relative_irradiance=earlier.value * (1 + change_rel),
+        pitch_deg=earlier.pitch_deg + turned_deg,
+    )
+    now = dataclasses.replace(told, irradiance=light)
+    assert bool(find_repeated(now, [earlier])) == is_earlier
 
 
 def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
