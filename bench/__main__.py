@@ -28,17 +28,15 @@ def main(scale: harness.Scale, *names: str) -> int:
         parts: dict[str, Callable[[], list[bool]]] = {
             "reading": lambda: reading.run(scale),
             "uploads": lambda: uploads.run(scale, postgres()),
-            "campaign": lambda: uploads.run_campaign(scale),
             "growth": lambda: growth.run(scale),
             "lookups": lambda: lookups.run(scale, postgres()),
             "workers": lambda: workers.run(scale, postgres()),
             "start": lambda: workers.run_start(scale),
-            "cuts": uploads.run_cuts,
         }
         if strange := set(names) - parts.keys():
             harness.say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")
             return 2
-        for name in names or [each for each in parts if each != "cuts"]:
+        for name in names or parts:
             part_began = time.monotonic()
             verdicts += parts[name]()
             spent.append(f"{name} {time.monotonic() - part_began:.0f}")

@@ -36,8 +36,6 @@ class Scale:
     cols: int = 5280
     rounds: int = 7
     uploads: int = 5
-    frames: int = 60
-    """Of a campaign that is sent and calibrated."""
     grown: int = 10_000
     """Frames of a campaign, beside a hundredth of them."""
     jobs: int = 100_000

@@ -12,8 +12,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "install.md"
 LARGE_BYTES = 5e6
 REASONS = {
-    "arro3-core": "types of Arrow's columns, for arro3-io",
-    "arro3-io": "reads series into Arrow, and writes Parquet; pyarrow is 150 MB",
     "cryptography": "signs and verifies receipts (Ed25519)",
     "imagecodecs": "decodes lossless JPEG, LZW, PackBits and PNG; most of it is other codecs",
     "numpy": "arrays, of every computation",

@@ -1,12 +1,10 @@
-"""Series as JSON, CSV, Parquet or an Arrow stream, a page at a time: memory does not grow with them."""
+"""Series as JSON or CSV, a page at a time: memory does not grow with them."""
 
 import csv
 import hashlib
 import io
 import json
 import re
-import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -26,59 +24,6 @@ from store.software import read_version
 from store.tables import Camera
 
 Kind = Literal["text", "number", "count", "instant"]
-
-_BATCH_ROWS: Final = 1000
-"""A batch costs as much as some hundred rows, and its memory grows with it."""
-_ROW_GROUP: Final = 1 << 16
-_BATCH_BYTES: Final = 1 << 18
-
-
-def write_arrow(
-    records: Iterator[bytes], kinds: dict[str, Kind], *, parquet: bool = False
-) -> Iterator[bytes]:
-    """Write CSV with the names of its columns as Arrow or Parquet, through a file; an empty cell is none."""
-    import arro3.core
-    import arro3.io
-
-    types = {
-        "text": arro3.core.DataType.utf8(),
-        "number": arro3.core.DataType.float64(),
-        "count": arro3.core.DataType.int64(),
-        "instant": arro3.core.DataType.timestamp("us", tz="UTC"),
-    }
-    schema = arro3.core.Schema([arro3.core.Field(name, types[kind]) for name, kind in kinds.items()])
-    # what fails before the first rows is raised here, as it is
-    parts = chain([next(records)], records)
-    source = io.BufferedReader(_Feed(parts), _BATCH_BYTES)
-    read = arro3.io.read_csv(source, schema, has_header=True, batch_size=_BATCH_ROWS)
-    with tempfile.TemporaryFile() as file:
-        if parquet:
-            arro3.io.write_parquet(read, file, compression="zstd(1)", max_row_group_size=_ROW_GROUP)
-        else:
-            arro3.io.write_ipc_stream(read, file, compression=None)
-        file.seek(0)
-        yield from iter(lambda: file.read(_BATCH_BYTES), b"")
-
-
-class _Feed(io.RawIOBase):
-    """A file of parts that are made while it is read."""
-
-    def __init__(self, parts: Iterator[bytes]) -> None:
-        self._parts = parts
-        self._left = b""
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:  # noqa: ANN401  a writable buffer
-        while not self._left:
-            if (part := next(self._parts, None)) is None:
-                return 0
-            self._left = part
-        taken, self._left = self._left[: len(buffer)], self._left[len(buffer) :]
-        buffer[: len(taken)] = taken
-        return len(taken)
-
 
 _CHUNK_BYTES = 1 << 16
 
@@ -155,18 +100,13 @@ def write_json(pages: Iterator[Page], columns: Sequence[Column], following: str 
     yield f'],"next":{json.dumps(following)}}}'.encode() if following else b"]}"
 
 
-def write_records(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
-    """Write rows as they are kept, with the names of their columns."""
+def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
+    """Write rows under the names of their columns, which a spreadsheet opens without running them."""
     head = ",".join(column.name for column in columns)
     for page in pages:
-        yield "\r\n".join((head, *page)).encode()
+        yield "\r\n".join((head, *_keep(page, columns))).encode()
         head = ""
     yield f"{head}\r\n".encode()
-
-
-def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
-    """Write rows that a spreadsheet opens without running them."""
-    return write_records((_keep(page, columns) for page in pages), columns)
 
 
 def _keep(page: Page, columns: Sequence[Column]) -> Page:
@@ -180,31 +120,6 @@ def _keep(page: Page, columns: Sequence[Column]) -> Page:
     ]
     csv.writer(out, lineterminator="\r\n").writerows(zip(*cells, strict=True))
     return [out.getvalue().removesuffix("\r\n")]
-
-
-def write_excel(
-    pages: Iterator[Page], columns: Sequence[Column], separator: str, decimal: str
-) -> Iterator[bytes]:
-    """Write rows that Excel takes for what they are: UTF-8 by its mark, times of UTC, numbers, texts."""
-    out = io.StringIO("\ufeff")
-    out.seek(1)
-    writer = csv.writer(out, delimiter=separator, lineterminator="\r\n")
-    writer.writerow([column.name for column in columns])
-    for page in pages:
-        spelt = []
-        for column, cells in zip(columns, split_records(page), strict=True):
-            match column.kind:
-                case "text":
-                    spelt.append([tables.spell_text(cell, decimal) for cell in cells])
-                case "instant":
-                    spelt.append([tables.spell_instant(cell, decimal) for cell in cells])
-                case _:
-                    spelt.append([cell.replace(".", decimal) for cell in cells])
-        writer.writerows(zip(*spelt, strict=True))
-        yield out.getvalue().encode()
-        out.seek(0)
-        out.truncate()
-    yield out.getvalue().encode()
 
 
 _NULL: dict[str, Any] = {"nullable_on_purpose": True}
@@ -344,26 +259,14 @@ class CellsAnswer(models.Answer):
     features: list[CellFeatureAnswer]
 
 
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
-
-Shape = Literal["json", "csv", "arrow", "parquet", "excel", "excel_semicolon"]
-Coding = Literal["zstd", "gzip", ""]
+Shape = Literal["json", "csv"]
 
 ROW_LIMIT: Final = 200_000
 MOST_ROWS: Final = 1_000_000
 MEDIA_TYPES: Final[dict[Shape, str]] = {
     "json": "application/json",
     "csv": "text/csv; charset=utf-8",
-    "arrow": "application/vnd.apache.arrow.stream",
-    "parquet": "application/vnd.apache.parquet",
-    "excel": "text/csv; charset=utf-8",
-    "excel_semicolon": "text/csv; charset=utf-8",
 }
-_EXCEL: Final[dict[Shape, tuple[str, str]]] = {"excel": (",", "."), "excel_semicolon": (";", ",")}
-"""Separator and decimal sign, as Excel expects them of its country."""
 _GZIP = 31
 """The window of zlib's format with the header of gzip."""
 
@@ -382,11 +285,7 @@ class SeriesQuery(models.Form):
         f"How many rows at most; without it, {ROW_LIMIT:,}."
     )
     cursor: models.Text | None = models.maybe("Taken from the `next` address of the answer before.")
-    format: Shape | None = models.maybe(
-        "Without it, what `Accept` names first of JSON, CSV, Arrow and Parquet; else JSON. "
-        "`excel` is CSV that Excel opens by itself where numbers have a decimal point, `excel_semicolon` "
-        "where they have a comma."
-    )
+    format: Shape | None = models.maybe("Without it, what `Accept` names first of JSON and CSV; else JSON.")
 
 
 def answer_series(
@@ -407,14 +306,13 @@ def answer_series(
     )
     series = kind(context.database, asked)
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
-    # the columns of Parquet are packed already
-    coding = "" if shape == "parquet" else _choose_coding(request.headers.get("accept-encoding", ""))
+    packs = _accepts_gzip(request.headers.get("accept-encoding", ""))
     after = None if query.cursor is None else paging.read_cursor(query.cursor, series.is_place)
     with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
             lookup.owned(session, Camera, query.camera_id, caller)
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
-        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + (coding and f"-{coding}")
+        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + ("-gzip" if packs else "")
         headers = answers.standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
         if (unchanged := answers.not_modified(request, tag, headers)) is not None:
             return unchanged
@@ -425,28 +323,17 @@ def answer_series(
         following = connections.absolute(request, f"{address.path}?{address.query}")
         headers["Link"] = f'<{following}>; rel="next"'
     pages = series.read(after=after, until=until)
-    match shape:
-        case "json":
-            content = gather(write_json(pages, columns, following))
-        case "csv":
-            content = gather(write_csv(pages, columns))
-        case "excel" | "excel_semicolon":
-            content = gather(write_excel(pages, columns, *_EXCEL[shape]))
-        case "arrow" | "parquet":
-            kinds = {column.name: column.kind for column in columns}
-            content = write_arrow(write_records(pages, columns), kinds, parquet=shape == "parquet")
-    if coding:
-        headers["Content-Encoding"] = coding
-        content = _pack(content, coding)
+    content = gather(write_json(pages, columns, following) if shape == "json" else write_csv(pages, columns))
+    if packs:
+        headers["Content-Encoding"] = "gzip"
+        content = _pack(content)
     # what fails at the first page is a problem, not an answer that breaks off
     first = next(content, b"")
     return StreamingResponse(chain([first], content), headers=headers, media_type=MEDIA_TYPES[shape])
 
 
 def sends_series() -> dict[int | str, dict[str, Any]]:
-    text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
-    schemas: dict[Shape, Any] = {"csv": text, "arrow": binary, "parquet": binary}
-    content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
+    content = {"text/csv": {"schema": {"type": "string"}}}
     return {200: {"content": content}, **answers.UNCHANGED}
 
 
@@ -459,16 +346,13 @@ def _choose_shape(accept: str) -> Shape:
     return "json"
 
 
-def _choose_coding(accepted: str) -> Coding:
+def _accepts_gzip(accepted: str) -> bool:
     parts = (part.replace(" ", "").partition(";") for part in accepted.lower().split(","))
-    named = {name for name, _, weight in parts if not re.fullmatch(r"q=0(\.0*)?", weight)}
-    codings: tuple[Coding, ...] = ("zstd", "gzip")
-    return next((each for each in codings if each in named), "")
+    return any(name == "gzip" and not re.fullmatch(r"q=0(\.0*)?", weight) for name, _, weight in parts)
 
 
-def _pack(parts: Iterable[bytes], coding: Coding) -> Iterator[bytes]:
-    zstandard = coding == "zstd"
-    packer = zstd.ZstdCompressor(level=1) if zstandard else isal_zlib.compressobj(1, wbits=_GZIP)
+def _pack(parts: Iterable[bytes]) -> Iterator[bytes]:
+    packer = isal_zlib.compressobj(1, wbits=_GZIP)
     for part in parts:
         if packed := packer.compress(part):
             yield packed

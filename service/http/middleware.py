@@ -18,7 +18,6 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
-from service.coefficients.series import MEDIA_TYPES
 from service.http import auth, connections, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
@@ -195,7 +194,7 @@ _SMALLEST_BYTES: Final = 1 << 10
 _LEVEL: Final = 4
 _LEFT: Final = (
     *DEFAULT_EXCLUDED_CONTENT_TYPES,
-    *("image/*", "application/pdf", "application/octet-stream", MEDIA_TYPES["arrow"], MEDIA_TYPES["parquet"]),
+    *("image/*", "application/pdf", "application/octet-stream"),
 )
 _REFUSED: Final = re.compile(r"\bgzip\s*;\s*q=0(\.0*)?\s*(?=,|$)")
 _MARK: Final = ".gz"

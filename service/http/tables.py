@@ -22,11 +22,6 @@ _STARTS: Final = "=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"
 """What a formula begins with; the last four in East Asian spreadsheets."""
 _RUNS: Final = re.compile(rf"(?:^|(?<=[;\t]))(?=[{re.escape(_STARTS)}])")
 """Where a spreadsheet would begin a formula, also one whose separator is another than ours."""
-_MONTHS: Final = "jan|feb|mar|mrz|mär|apr|may|mai|jun|jul|aug|sept?|oct|okt|nov|dec|dez"
-_NUMBERLIKE: Final = re.compile(
-    rf"(?=.*\d)(?:[\d.,:/ eE+%$€£-]|(?<![a-z])(?:{_MONTHS})(?![a-z]))+|true|false", re.IGNORECASE
-)
-_LOCAL: Final = re.compile(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:(\.\d{1,3})\d*)?")
 
 
 def keep_texts(texts: Sequence[str]) -> Sequence[str]:
@@ -34,19 +29,6 @@ def keep_texts(texts: Sequence[str]) -> Sequence[str]:
     joined = "".join(texts)
     runs = not {text[:1] for text in texts}.isdisjoint(_STARTS) or ";" in joined or "\t" in joined
     return [_RUNS.sub("'", text) for text in texts] if runs else texts
-
-
-def spell_instant(text: str, decimal: str) -> str:
-    """Return a time as spreadsheets read it, to the millisecond; one that names another zone than Z stays."""
-    found = _LOCAL.fullmatch(text.removesuffix("Z"))
-    return f"{found[1]} {found[2]}{(found[3] or '').replace('.', decimal)}" if found else text
-
-
-def spell_text(text: str, decimal: str) -> str:
-    """Return a text that a spreadsheet leaves one: 0012, which it would count for 12, and MAR1 as ="0012"."""
-    if _NUMBERLIKE.fullmatch(text):
-        return f'="{text}"'
-    return _RUNS.sub("'", text if text.endswith("Z") else spell_instant(text, decimal))
 
 
 def write_csv(

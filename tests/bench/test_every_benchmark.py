@@ -18,7 +18,6 @@ TINY = Scale(
     cols=640,
     rounds=2,
     uploads=2,
-    frames=6,
     grown=20,
     jobs=200,
     coefficients=(100, 200),
@@ -50,7 +49,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 48
+    targets = 47
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert list(short_folder.iterdir()) == []

@@ -66,8 +66,6 @@ def saved(embedded, shots, tmp_path_factory):
             save_map(client, measure_placed(client), folder / "placed.tif")
         fetch(team, "/v1/series/coefficients", folder / "coefficients.json")
         fetch(team, "/v1/series/coefficients?format=csv", folder / "coefficients.csv")
-        fetch(team, "/v1/series/coefficients?format=arrow", folder / "coefficients.arrows")
-        fetch(team, "/v1/series/coefficients?format=parquet", folder / "coefficients.parquet")
     (folder / "page.py").write_text("\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", BOARDS)))
     return folder
 

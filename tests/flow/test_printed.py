@@ -78,7 +78,7 @@ def test_every_command_from_a_first_calibration_to_its_recall(embedded, installe
     assert ET.parse(field / "plot.svg").getroot().tag.endswith("svg")
 
     assert "succeeded" in said["events"]
-    assert all((field / f"coefficients.{kind}").stat().st_size for kind in ("csv", "arrows", "parquet"))
+    assert (field / "coefficients.csv").stat().st_size
     assert sorted(json.loads(said["tools"].splitlines()[-1])["exponents"]) == ["exposure_time_s", "f_number"]
     assert {path.suffix for path in (field / "maps").iterdir()} >= {".tif"}
     assert {path.suffix for path in (field / "results").iterdir()} == {".geojson"}

@@ -16,7 +16,6 @@ from sqlalchemy import func, select
 from tusclient.client import TusClient
 
 import stilb
-from bench.uploads import cut_lines, send_by_client, send_by_tuspy
 from stilb.transport import hash_file
 from store.blobs.partials import Partial
 from store.tables import Blob, FrameRow
@@ -178,15 +177,6 @@ def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_pat
     # of one MiB each, where begun anew each time they would be three times as many
     assert pieces <= path.stat().st_size // MEGABYTE + 2 * cuts
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-# tuspy leaves the closing of its connections to the collector
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize("send", [send_by_client, send_by_tuspy])
-def test_files_arrive_whole_through_lines_that_break(embedded, send, tmp_path):
-    """The benchmark, at a size where its seconds mean nothing."""
-    verdicts = cut_lines(embedded, send, tmp_path, kinds=("reset",), file_bytes=2 * MEGABYTE, lasts_s=0.25)
-    assert verdicts[0]
 
 
 class StoppedError(Exception):

@@ -5,7 +5,6 @@ import csv
 import io
 import json
 
-import arro3.io
 import pytest
 from sqlalchemy import delete, select
 
@@ -21,7 +20,6 @@ from tests.support.measuring import field_frame, measure
 pytestmark = pytest.mark.either_database
 
 COEFFICIENTS, MEASUREMENTS = "/v1/series/coefficients", "/v1/series/measurements"
-ARROW = "application/vnd.apache.arrow.stream"
 
 
 @pytest.fixture
@@ -32,12 +30,6 @@ def measured(house, staged):
     house.post(f"/v1/calibrations/{version['id']}/publish", later, status=200)
     frames = [field_frame(house, version["campaign_id"], seed=seed) for seed in (1, 2)]
     return version, [measure(house, frame, version) for frame in frames]
-
-
-def list_rows(batches):
-    table = batches.read_all()
-    columns = [column.to_pylist() for column in table.columns]
-    return [dict(zip(table.column_names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def read_all(house, address, **query):
@@ -64,18 +56,6 @@ def test_every_form_and_every_page_has_the_same_rows(house, measured, address, r
     assert [[*line] for line in lines] == [[*each] for each in rows]
     for line, each in zip(lines, rows, strict=True):
         assert list(line.values()) == ["" if cell is None else str(cell) for cell in each.values()]
-    answer = house.http.get(address, headers={"Accept": ARROW})
-    assert answer.headers["Content-Type"] == ARROW
-    typed = list_rows(arro3.io.read_ipc_stream(io.BytesIO(answer.content)))
-    plain = [name for name in rows[0] if not name.endswith(("_at", "_from", "_to")) or name == "taken_at"]
-    table = [{name: found[name] or None for name in plain} for found in typed]
-    assert table == [{name: each[name] or None for name in plain} for each in rows]
-    answer = house.http.get(address, params={"format": "parquet"})
-    assert answer.headers["Content-Type"] == "application/vnd.apache.parquet"
-    assert list_rows(arro3.io.read_parquet(io.BytesIO(answer.content))) == typed
-    moment = "valid_from" if address == COEFFICIENTS else "created_at"
-    found = [each[moment].isoformat().replace("+00:00", "Z") for each in typed]
-    assert found == [each[moment] for each in rows]
     for limit in (1, 5):
         assert read_all(house, address, limit=limit) == (rows, -(-len(rows) // limit))
     of_camera = read_all(house, address, limit=2, camera_id=version["camera_id"])
@@ -98,11 +78,9 @@ def test_series_is_sent_again_only_after_what_changes_it(house, measured):
         packed = house.http.get(address, headers={"Accept-Encoding": "gzip"})
         plain = house.http.get(address, headers={"Accept-Encoding": "identity"})
         assert (packed.headers["Content-Encoding"], packed.json()) == ("gzip", plain.json())
-        asked = {"Accept-Encoding": "gzip;q=0, br, zstd; q=0.5"}
-        with house.http.stream("GET", address, headers=asked) as answer:
-            assert answer.headers["Content-Encoding"] == "zstd"
-            assert json.loads(answers.zstd.decompress(b"".join(answer.iter_raw()))) == plain.json()
-        assert len({each.headers["ETag"] for each in (packed, plain, answer)}) == 3
+        refused = house.http.get(address, headers={"Accept-Encoding": "gzip;q=0, br"})
+        assert "Content-Encoding" not in refused.headers
+        assert refused.headers["ETag"] == plain.headers["ETag"] != packed.headers["ETag"]
         tag = {"If-None-Match": plain.headers["ETag"], "Accept-Encoding": "identity"}
         assert house.http.get(address, headers=tag).status_code == 304
         assert house.http.get(address, params={"limit": 1}, headers=tag).status_code == 200
