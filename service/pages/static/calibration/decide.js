@@ -50,12 +50,11 @@ function gains({ isos_gained: plus, isos_lost: minus, flags_gained: raised, flag
   ];
 }
 
-/** Measurements that a version was used for, and what its successor would make of each. */
+/** Measurements that a version was used for. */
 function drawTouched(rows) {
   const columns = [
     { head: "Measurement", header: true, cell: (row) => h("a", { href: `/measurements/${row.measurement_id}` }, row.filename) },
-    { head: "Change", class: "number", cell: (row) => (row.change ? changeOf(row.change) : "–") },
-    { head: "", cell: (row) => row.why ?? (row.successor ? `by version ${row.successor.version}` : "") },
+    { head: "In its place", cell: (row) => (row.successor ? `version ${row.successor.version}` : "none") },
   ];
   return table(columns, rows.slice(0, 30), { caption: "Measurements made with it" });
 }
