@@ -1,7 +1,7 @@
 """Inputs and outputs shared by all calibration methods."""
 
 from collections.abc import Collection, Sequence
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 from radiometry.drawing.text import name_few
 from radiometry.findings import shared
@@ -12,6 +12,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.records import Record, about, later
 
 F = TypeVar("F")
+Acceptance = Literal["simple", "guarded", "shared_risk"]
 
 MOST_DOF = 1e6  # Effective degrees of freedom of an uncertainty that is not limited by them
 

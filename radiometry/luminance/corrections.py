@@ -15,15 +15,9 @@ from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
 from radiometry.luminance.application import AppliedLuminance, Effect
 from radiometry.luminance.results import Coefficient
-from radiometry.luminance.rows import (
-    LABELS,
-    CalibrationConditions,
-    Colour,
-    FieldConditions,
-    find_modulation,
-    list_spectra,
-)
+from radiometry.luminance.rows import CalibrationConditions, Colour, FieldConditions
 from radiometry.spectral import mismatch
+from radiometry.spectral.lamps import LABELS, find_modulation, list_spectra
 
 NEAREST_M = 1.0
 """Distance that a surface of unknown distance is at least away: nearer, a wide lens sees little but it."""

@@ -18,12 +18,14 @@ from radiometry.fitting.curve import (
     leave_scenes_out,
     weigh_points,
 )
+from radiometry.fitting.evidence import Acceptance
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoFit, ModelFit, Point
-from radiometry.luminance.rows import Acceptance, CalibrationConditions, Model, Params, find_modulation
+from radiometry.luminance.rows import CalibrationConditions, Model, Params
+from radiometry.spectral.lamps import find_modulation
 
 _MOST_ITERATIONS, _TOLERANCE = 30, 0.01
 _NO_LENS = evidence.Quantity(1.0, 0.0, "1")

@@ -25,7 +25,7 @@ from radiometry.luminance.brightness import find_doubted
 from radiometry.luminance.fit import fit_series
 from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
 from radiometry.luminance.results import Aperture, Coefficient, Fit, IsoFit, ModelFit, SpectralQuality
-from radiometry.luminance.rows import LABELS, FrameRow, Params, Reading
+from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import (
     check_reading_times,
     check_scenes,
@@ -33,6 +33,7 @@ from radiometry.luminance.scenes import (
     summarise_scenes,
 )
 from radiometry.luminance.verdicts import inspect_darks
+from radiometry.spectral.lamps import LABELS
 from radiometry.spectral.mismatch import compute_f1_prime, describe_curve, list_lamps, list_responses
 
 _DISCOUNTED = 0.1

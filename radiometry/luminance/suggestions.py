@@ -11,9 +11,10 @@ from radiometry.findings import shared
 from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import brightness, codes, corrections, points
-from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
+from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.specification.roles import Gap
+from radiometry.spectral.lamps import find_modulation
 
 GOOD_SCENES = 5
 """Usable light levels per ISO value. The models have one or two parameters: five levels leave three degrees

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from radiometry.findings import Finding, files, interface, shared
 from radiometry.fleet import results as fleet
 from radiometry.methods import METHODS
+from radiometry.road import codes as road
 
 
 def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
@@ -18,5 +19,10 @@ def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
 
 
 FINDINGS = collect_findings(
-    shared.FINDINGS, files.FINDINGS, interface.FINDINGS, fleet.FINDINGS, *(spec.findings for spec in METHODS)
+    shared.FINDINGS,
+    files.FINDINGS,
+    interface.FINDINGS,
+    fleet.FINDINGS,
+    road.FINDINGS,
+    *(spec.findings for spec in METHODS),
 )

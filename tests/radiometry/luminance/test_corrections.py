@@ -19,13 +19,8 @@ from radiometry.luminance.corrections import (
 from radiometry.luminance.fit import compute_risk, decide
 from radiometry.luminance.maps import compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, find_window, measure
-from radiometry.luminance.rows import (
-    LABELS,
-    CalibrationConditions,
-    FieldConditions,
-    find_modulation,
-    list_spectra,
-)
+from radiometry.luminance.rows import CalibrationConditions, FieldConditions
+from radiometry.spectral.lamps import LABELS, find_modulation, list_spectra
 from radiometry.spectral.mismatch import (
     compute_mismatch,
     estimate_u_rel,

@@ -1,0 +1,112 @@
+"""Points of a grid on lanes, walkways and areas, and the squares around them."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.records import Record, about
+from radiometry.road import codes
+from radiometry.road.rules import GridRule
+from radiometry.road.site import Area, Site, Strip
+
+Array = NDArray[np.float64]
+MOST_POINTS = 2500
+
+
+class GridPoint(Record):
+    """A point of the grid."""
+
+    name: str = about('Name: part, row across and column along, such as "1/2-7".')
+    part: str = about("Lane, walkway, edge or area on which it lies.")
+    row: int = about("Row across, from 1.")
+    column: int = about("Column along, from 1.")
+    x_m: float = about("Place along the road [m].")
+    y_m: float = about("Place across [m].")
+
+
+def count_points(length_m: float, fewest: int, widest_m: float) -> int:
+    """Return the number of points over a length: the fewest that are at most so far apart."""
+    return max(fewest, math.ceil(length_m / widest_m - 1e-9))
+
+
+def lay_points(site: Site, rule: GridRule) -> tuple[GridPoint, ...]:
+    """Lay the points of a grid, each in the middle of its share of the field.
+
+    Along, D = S / N and the first point D / 2 from a luminaire; across, d = W / n and the first row d / 2
+    from the edge of each lane, walkway or edge [1]. Inside each edge the same points are laid on the lanes,
+    to compare with. An area has a square lattice no wider apart than either limit.
+
+    [1] EN 13201-3:2015, Road lighting, Part 3: Calculation of performance.
+    """
+    _check(site)
+    low, high = site.field_m
+    along = _divide(low, high, count_points(high - low, rule.fewest_along, rule.widest_along_m))
+    points: list[GridPoint] = []
+    for strip in (*site.lanes, *(each for each in site.strips if each.kind != "lane")):
+        for name, near in _place_strip(site, strip):
+            rows = count_points(strip.width_m, rule.fewest_across, rule.widest_across_m)
+            points += _name(name, along, _divide(near, near + strip.width_m, rows))
+    for area in site.areas:
+        points += _fill(area, min(rule.widest_along_m, rule.widest_across_m))
+    if len(points) > MOST_POINTS:
+        raise codes.SITE_INVALID.refuse(f"The grid has {len(points)} points, and at most {MOST_POINTS}.")
+    return tuple(points)
+
+
+def inside(edge: str) -> str:
+    """Return the name of the part on the lanes that an edge is compared with."""
+    return f"{edge} (inside)"
+
+
+def outline_points(places_m: Array, side_m: float) -> Array:
+    """Return the corners of the squares around places on the road, (n, 4, 2) [m]."""
+    return places_m[:, None, :] + side_m / 2.0 * np.array(
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+    )
+
+
+def _check(site: Site) -> None:
+    sizes = [each.width_m for each in site.strips] + [n for r in site.rows for n in (r.height_m, r.spacing_m)]
+    if not site.rows or not all(size > 0.0 for size in sizes) or site.receiver_m <= 0.0:
+        raise codes.SITE_INVALID.refuse("A site has a row of luminaires, and widths and heights above 0.")
+    names = [each.name for each in site.strips] + [each.name for each in site.areas]
+    if not names or len(set(names)) < len(names):
+        raise codes.SITE_INVALID.refuse("A site has lanes, walkways or areas of different names.")
+
+
+def _place_strip(site: Site, strip: Strip) -> list[tuple[str, float]]:
+    """Return name and nearer edge of a strip; of an edge, those of its mirror on the lanes too."""
+    placed = [(strip.name, strip.y_m)]
+    if strip.kind == "edge" and site.lanes:
+        near, far = site.lanes[0].y_m, max(lane.y_m + lane.width_m for lane in site.lanes)
+        is_near = strip.y_m + strip.width_m / 2.0 < (near + far) / 2.0
+        placed.append((inside(strip.name), near if is_near else far - strip.width_m))
+    return placed
+
+
+def _divide(low: float, high: float, count: int) -> Array:
+    return low + (np.arange(count) + 0.5) * (high - low) / count
+
+
+def _name(part: str, along: Array, across: Array) -> list[GridPoint]:
+    return [
+        GridPoint(name=f"{part}/{row + 1}-{col + 1}", part=part, row=row + 1, column=col + 1, x_m=x, y_m=y)
+        for row, y in enumerate(across.tolist())
+        for col, x in enumerate(along.tolist())
+    ]
+
+
+def _fill(area: Area, widest_m: float) -> list[GridPoint]:
+    corners = np.array(area.corners_m, np.float64)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x, y = (_divide(a, b, count_points(b - a, 1, widest_m)) for a, b in zip(low, high, strict=True))
+    return [each for each in _name(area.name, x, y) if _holds(corners, each.x_m, each.y_m)]
+
+
+def _holds(corners: Array, x: float, y: float) -> bool:
+    """Return True if a place lies within a polygon, by the number of sides to its right."""
+    (x0, y0), (x1, y1) = corners.T, np.roll(corners, -1, axis=0).T
+    crosses = (y0 > y) != (y1 > y)
+    at = x0 + (y - y0) / np.where(crosses, y1 - y0, 1.0) * (x1 - x0)
+    return bool(np.sum(crosses & (at > x)) % 2)

@@ -1,0 +1,207 @@
+"""Place of a frame over a road: from marked points, or from the frame's own place."""
+
+from collections.abc import Sequence
+from typing import Protocol, cast
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from radiometry.frame.opencv import cv2
+from radiometry.frame.roi import Polygon
+from radiometry.records import Record, about
+from radiometry.road import codes
+from radiometry.road.grid import outline_points
+
+Array = NDArray[np.float64]
+
+FEWEST_MARKS = 4
+MARK_U_PX = 1.0
+_ITERATIONS = 20
+_WORST_CONDITION = 1e7
+_STEP_PX = 0.5
+
+
+class Camera(Protocol):
+    """A camera in OpenCV's notation, such as a version of the geometry method makes."""
+
+    @property
+    def matrix(self) -> Array:
+        """Camera matrix, (3, 3) [px]."""
+
+    @property
+    def distortion(self) -> Array:
+        """Distortion coefficients k1, k2, p1, p2, k3."""
+
+
+class PlainCamera(Record):
+    """A camera of which no geometry is known but its nominal focal length."""
+
+    focal_px: float
+    height_px: int
+    width_px: int
+
+    @property
+    def matrix(self) -> Array:
+        """Camera matrix about the middle of the picture."""
+        middle = (self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0
+        return np.array([[self.focal_px, 0.0, middle[0]], [0.0, self.focal_px, middle[1]], [0.0, 0.0, 1.0]])
+
+    @property
+    def distortion(self) -> Array:
+        """No distortion."""
+        return np.zeros(5)
+
+
+class Mark(Record):
+    """A point of the road that was found in the picture."""
+
+    x_px: float = about("Column in the picture, from its left edge [px].")
+    y_px: float = about("Row in the picture, from its upper edge [px].")
+    x_m: float = about("Place along the road [m].")
+    y_m: float = about("Place across [m].")
+    u_m: float = about("Standard uncertainty of each coordinate on the road [m].", default=0.03)
+
+
+class Placement(Record):
+    """Homography from the road to the picture of a lens without distortion, with its covariance."""
+
+    h: Array  # (3, 3), from (x, y, 1) on the road to (x, y) at unit distance from the lens; h[2, 2] = 1
+    covariance: Array  # of its first eight elements, (8, 8)
+    camera: Camera
+
+    def to_image(self, places_m: Array) -> Array:
+        """Compute where places on the road, (n, 2) [m], lie in the picture: (n, 2), x before y [px]."""
+        ideal = _apply(self.h, places_m)
+        rays = np.column_stack([ideal, np.ones(len(ideal))])
+        none = np.zeros(3)
+        seen, _ = cv2.projectPoints(rays, none, none, self.camera.matrix, self.camera.distortion)
+        return np.asarray(seen, np.float64).reshape(-1, 2) + 0.5
+
+    def outline(self, places_m: Array, side_m: float) -> tuple[Polygon, ...]:
+        """Return the images of squares around places on the road."""
+        corners = outline_points(places_m, side_m)
+        seen = self.to_image(corners.reshape(-1, 2)).reshape(corners.shape)
+        return tuple(Polygon.from_points(each) for each in cast("list[list[list[float]]]", seen.tolist()))
+
+    def to_road(self, places_px: Array) -> Array:
+        """Compute where places in the picture, (n, 2), x before y [px], lie on the road: (n, 2) [m]."""
+        return _apply(_invert(self.h), _straighten(self.camera, places_px))
+
+    def estimate_u_m(self, places_m: Array) -> Array:
+        """Estimate the standard uncertainty of places on the road, the larger of both axes, (n,) [m]."""
+        design = _differentiate(self.h, places_m)
+        spread = design @ self.covariance @ design.transpose(0, 2, 1)
+        back = np.linalg.inv(_differentiate_places(self.h, places_m))
+        on_road = back @ spread @ back.transpose(0, 2, 1)
+        return np.asarray(np.sqrt(np.linalg.eigvalsh(on_road)[:, -1]), np.float64)
+
+    def find_views(self, places_m: Array) -> Array:
+        """Compute the angles between the view of places and the vertical of the road, (n,) [deg].
+
+        With a camera at c and the columns of h = s [r1 r2 -R c], the vertical is r1 x r2.
+        """
+        vertical = np.cross(self.h[:, 0], self.h[:, 1])
+        rays = np.column_stack([_apply(self.h, places_m), np.ones(len(places_m))])
+        cosines = np.abs(rays @ vertical) / (np.linalg.norm(rays, axis=1) * np.linalg.norm(vertical))
+        return np.asarray(np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0))), np.float64)
+
+
+def place_frame(marks: Sequence[Mark], camera: Camera) -> Placement:
+    """Place a frame by points of the road that were marked in it.
+
+    The homography h minimises the distances in the picture, lens corrected, each over its uncertainty: that
+    of the mark, 1 px, and that of its place on the road. Its covariance is that of the fit, times
+    chi^2 / dof where that exceeds 1 [1].
+
+    [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision, Cambridge 2004, section 5.2,
+    doi:10.1017/CBO9780511811685
+    """
+    if len(marks) < FEWEST_MARKS:
+        raise codes.PLACE_UNDETERMINED.refuse(f"{len(marks)} points are marked; four or more place a frame.")
+    road = np.array([(mark.x_m, mark.y_m) for mark in marks], np.float64)
+    seen = _straighten(camera, np.array([(mark.x_px, mark.y_px) for mark in marks], np.float64))
+    h = _start(road, seen)
+    u_px = MARK_U_PX / np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
+    for _ in range(_ITERATIONS):
+        scale = np.abs(np.linalg.det(_differentiate_places(h, road))) ** 0.5
+        weights = 1.0 / np.hypot(u_px, scale * [mark.u_m for mark in marks])
+        design = (_differentiate(h, road) * weights[:, None, None]).reshape(-1, 8)
+        residual = ((seen - _apply(h, road)) * weights[:, None]).ravel()
+        sizes = np.linalg.norm(design, axis=0)
+        if not np.all(np.isfinite(design)) or np.linalg.cond(design / sizes) > _WORST_CONDITION:
+            raise _undetermined()
+        step = np.linalg.lstsq(design / sizes, residual, rcond=None)[0] / sizes
+        h = h + np.append(step, 0.0).reshape(3, 3)
+        if np.max(np.abs(step * sizes)) < 1e-6:
+            break
+    dof = 2 * len(marks) - 8
+    excess = max(1.0, float(residual @ residual) / dof) if dof else 1.0
+    inverse = np.linalg.inv((design / sizes).T @ (design / sizes)) / np.outer(sizes, sizes)
+    return Placement(h=h, covariance=excess * inverse, camera=camera)
+
+
+def _straighten(camera: Camera, places_px: Array) -> Array:
+    """Compute the directions that places in the picture, x before y [px], see: (n, 2), at unit distance."""
+    seen = np.ascontiguousarray(places_px, np.float64).reshape(-1, 1, 2) - 0.5
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
+    ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=stop)
+    return np.asarray(ideal, np.float64).reshape(-1, 2)
+
+
+def _undetermined() -> Exception:
+    return codes.PLACE_UNDETERMINED.refuse("The marked points lie on one line, or three of four do.")
+
+
+def _start(road: Array, seen: Array) -> Array:
+    """Solve the linear equations of the homography, both sides centred and scaled."""
+    to_road, to_seen = _normalise(road), _normalise(seen)
+    (x, y), (u, v) = _apply(to_road, road).T, _apply(to_seen, seen).T
+    one, none = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], axis=1),
+            np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], axis=1),
+        ]
+    )
+    _, sizes, turned = scipy.linalg.svd(rows)
+    if sizes[7] < sizes[0] / _WORST_CONDITION:
+        raise _undetermined()
+    h = np.linalg.inv(to_seen) @ turned[-1].reshape(3, 3) @ to_road
+    if not abs(h[2, 2]) > 0.0:
+        raise _undetermined()
+    found: Array = h / h[2, 2]
+    return found
+
+
+def _normalise(places: Array) -> Array:
+    middle, size = places.mean(axis=0), float(places.std()) or 1.0
+    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
+
+
+def _invert(h: Array) -> Array:
+    return np.asarray(np.linalg.inv(h), np.float64)
+
+
+def _apply(h: Array, places: Array) -> Array:
+    projected = np.column_stack([places, np.ones(len(places))]) @ h.T
+    return projected[:, :2] / projected[:, 2:]
+
+
+def _differentiate(h: Array, places_m: Array) -> Array:
+    """Return the derivative of the images of places to the first eight elements of h, (n, 2, 8)."""
+    ones = np.column_stack([places_m, np.ones(len(places_m))])
+    depth = ones @ h[2]
+    seen = _apply(h, places_m)
+    slope = np.zeros((len(places_m), 2, 8))
+    slope[:, 0, 0:3] = slope[:, 1, 3:6] = ones / depth[:, None]
+    slope[:, :, 6:8] = -seen[:, :, None] * places_m[:, None, :] / depth[:, None, None]
+    return slope
+
+
+def _differentiate_places(h: Array, places_m: Array) -> Array:
+    """Return the derivative of the images of places to the places, (n, 2, 2)."""
+    depth = np.column_stack([places_m, np.ones(len(places_m))]) @ h[2]
+    seen = _apply(h, places_m)
+    slope: Array = (h[None, :2, :2] - seen[:, :, None] * h[None, 2:, :2]) / depth[:, None, None]
+    return slope

@@ -1,0 +1,194 @@
+"""A road as a person states it: site, requirement, conditions, meters and control points."""
+
+import math
+from typing import Literal
+
+from radiometry.fitting.evidence import Acceptance
+from radiometry.records import Record, about
+from radiometry.spectral.lamps import LampKind
+
+Kind = Literal["lane", "walkway", "edge"]
+Surface = Literal["dry", "moist", "wet"]
+Quantity = Literal["illuminance", "luminance"]
+Figure = Literal["e_av", "e_min", "u_0", "average_to_min", "eir", "l_av", "u_o", "u_l", "f_ti"]
+
+LANES = "lanes"
+
+
+class Row(Record):
+    """Luminaires in one row along the road."""
+
+    y_m: float = about("Place across, from the kerb [m].")
+    height_m: float = about("Height of the lamps above the road [m].")
+    spacing_m: float = about("Spacing of the luminaires along the road [m].")
+    first_x_m: float = about("Place of one of them along the road [m].", default=0.0)
+
+
+class Strip(Record):
+    """A lane, a walkway or an edge: a strip along the road, over the whole field."""
+
+    name: str = about("Name, unique on the site.")
+    kind: Kind = about(
+        '"lane"; "walkway"; or "edge", the strip beside the lanes whose light is compared with theirs.'
+    )
+    y_m: float = about("Nearer edge, from the kerb [m]; negative on the near side of it.")
+    width_m: float = about("Width [m].")
+    surface: str = about("Name of its pavement; those of one name reflect alike.", default="asphalt")
+
+
+class Area(Record):
+    """An area of any outline, such as an intersection."""
+
+    name: str = about("Name, unique on the site.")
+    corners_m: tuple[tuple[float, float], ...] = about("(x, y) of its corners in order [m].")
+    surface: str = about("Name of its pavement; those of one name reflect alike.", default="asphalt")
+
+
+class Origin(Record):
+    """Place of a road's coordinates on the earth."""
+
+    longitude_deg: float = about("Of x = 0, y = 0 [deg].")
+    latitude_deg: float = about("Of x = 0, y = 0 [deg].")
+    bearing_deg: float = about("Direction of x, clockwise from north [deg].")
+    y_to_the_right: bool = about("True if y grows to the right of x.", default=False)
+
+
+class Site(Record):
+    """Luminaires and surfaces of a stretch; x runs along the road and y across it, in metres.
+
+    The field lies between two luminaires of the first row, from its `first_x_m` on.
+    """
+
+    rows: tuple[Row, ...] = about("Rows of luminaires; the field is one spacing of the first.")
+    strips: tuple[Strip, ...] = about("Lanes, walkways and edges.", default=())
+    areas: tuple[Area, ...] = about("Areas of any outline.", default=())
+    origin: Origin | None = about("Place on the earth, if it is known.", default=None)
+    receiver_m: float = about(
+        "Side of the square over which the luminance of a point is read [m].", default=0.2
+    )
+
+    @property
+    def field_m(self) -> tuple[float, float]:
+        """Begin and end of the field along the road [m]."""
+        first = self.rows[0]
+        return first.first_x_m, first.first_x_m + first.spacing_m
+
+    @property
+    def lanes(self) -> tuple[Strip, ...]:
+        return tuple(sorted((s for s in self.strips if s.kind == "lane"), key=lambda each: each.y_m))
+
+    def find_surface(self, part: str) -> str:
+        """Return the pavement of a lane, walkway, edge or area."""
+        surfaces = {each.name: each.surface for each in self.strips}
+        return (surfaces | {each.name: each.surface for each in self.areas})[part]
+
+
+class Criterion(Record):
+    """One requirement on one figure."""
+
+    figure: Figure = about("Figure that is required.")
+    at_least: float | None = about("Lower limit, in the figure's unit.", default=None)
+    at_most: float | None = about("Upper limit, in the figure's unit.", default=None)
+
+
+class Requirement(Record):
+    """Class of the road and how the verdict takes the uncertainty into account."""
+
+    rule: str = about("Name of the rule, as `GET /v1/road-rules` lists it.")
+    road_class: str = about('Class of the rule, such as "C3".')
+    part: str = about('"lanes", or the name of a walkway or area.', default=LANES)
+    decision: Acceptance = about(
+        '"guarded": conforms from a probability of 95 % on; "simple": the uncertainty is ignored; '
+        '"shared_risk": as simple, if the expanded uncertainty is at most `largest_u_rel`.',
+        default="guarded",
+    )
+    largest_u_rel: float | None = about(
+        "Largest accepted expanded uncertainty, as a share of the figure, agreed before the flight.",
+        default=None,
+    )
+    maintenance_factor: float | None = about(
+        "Maintenance factor of the design, which turns measured values of new luminaires into maintained "
+        "ones; None judges the road as found.",
+        default=None,
+    )
+    criteria: tuple[Criterion, ...] = about("Limits in place of those of the class.", default=())
+    confirmed: str | None = about(
+        "Who confirmed the figures of the rule against its text, and when.", default=None
+    )
+
+
+class Conditions(Record):
+    """State of the road and its lamps at the flight; None for what is not known."""
+
+    surface: Surface | None = about("State of the pavement.", default=None)
+    lamp_kind: LampKind | None = about("Kind of the lamps.", default=None)
+    mains_frequency_hz: float | None = about("Of the supply [Hz]; 0 for direct current.", default=None)
+    power_w: float | None = about("Electrical power of the luminaires of one spacing [W].", default=None)
+    reflectance: float | None = about(
+        "Luminance factor of the pavement at nadir, where it is known.", default=None
+    )
+    reflectance_u_rel: float = about("Its relative standard uncertainty.", default=0.15)
+    patches_u_rel: float = about("Usual variation of the pavement from place to place.", default=0.05)
+
+
+class Meter(Record):
+    """An illuminance or luminance meter at the control points."""
+
+    meter: str = about("Identity; the same as behind K if it is the same instrument.")
+    u_rel: float | None = about("Relative standard uncertainty by its certificate; None without one.")
+
+
+class ControlPoint(Record):
+    """Readings of a meter at one place on the road."""
+
+    name: str = about("Name, unique on the road.")
+    x_m: float = about("Place along the road [m].")
+    y_m: float = about("Place across [m].")
+    quantity: Quantity = about('"illuminance" [lx], or "luminance" [cd/m2] from straight above.')
+    values: tuple[float, ...] = about("Readings, repeated ones as often as they were taken.")
+    meter: str = about("Identity of the meter.")
+    part: str = about("Lane, walkway or area on which it lies; the nearest if empty.", default="")
+    taken_at: str | None = about("RFC 3339.", default=None)
+    left_out: str | None = about("Reason why a person left it out.", default=None)
+    u_rel: float = about("Relative standard uncertainty of one reading: level, place, repeat.", default=0.03)
+
+    @property
+    def ln_mean(self) -> float:
+        return sum(map(math.log, self.values)) / len(self.values)
+
+
+class Road(Record):
+    """A road to be judged, with all that a person states of it."""
+
+    site: Site
+    requirement: Requirement
+    conditions: Conditions = Conditions()
+    control: tuple[ControlPoint, ...] = ()
+    meters: tuple[Meter, ...] = ()
+    hidden: tuple[str, ...] = about(
+        "Names of grid points that a car or a tree hides, as a person marked them.", default=()
+    )
+
+
+class Reading(Record):
+    """Luminance of one grid or control point in one frame."""
+
+    place: str  #: Name of the grid point or control point
+    frame: str
+    luminance_cd_m2: float
+    u_rel: float  #: Relative standard uncertainty of this reading's own noise
+    view_deg: float  #: Angle between the view and the vertical
+    place_u_m: float  #: Standard uncertainty of its place on the road
+    colour: tuple[float, float] | None = None  #: R/G and B/G above dark
+
+
+class Scale(Record):
+    """Uncertainty that all luminances share: that of K, and of what the frames share."""
+
+    #: Relative standard uncertainty of the luminance, without the meter's part and the spectral mismatch
+    u_rel: float
+    #: Meter behind K, and its relative standard uncertainty
+    meter: str | None = None
+    meter_u_rel: float = 0.0
+    spectral_u_rel: float = 0.1  #: Relative standard uncertainty of the spectral mismatch
+    lamp_kind: LampKind | None = None  #: Of the lamp that K was made with
