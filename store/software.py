@@ -5,13 +5,13 @@ from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-FIT_CODE_VERSION = "0.1.11"
+FIT_CODE_VERSION = "0.1.12"
 """Fit code version: `software.stilb` of a calibration version, and part of its content hash.
 
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-9"
+MEASURER = "measure-10"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
 EXTRACTOR = "extract-4"

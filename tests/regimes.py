@@ -232,8 +232,8 @@ def _pass(cosine: float) -> float:
     return 1 - (across**2 + along**2) / 2
 
 
-def _reflectance(noise: float, latitude_deg: float) -> Regime:
-    """R = 0.3 of a later frame, one reading of the light sensor at the panel and one at the frame."""
+def _reflectance(noise: float, latitude_deg: float, shots: int) -> Regime:
+    """R = 0.3 of a later frame, one light reading at each shot of the panel and at the frame."""
     at = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0, "latitude_deg": latitude_deg}
     header = dataclasses.replace(SHOT.header, **at)
     (position,) = locate_suns_of(header)
@@ -266,21 +266,25 @@ def _reflectance(noise: float, latitude_deg: float) -> Regime:
         true = 0.69 + 0.002 * random.standard_normal()
         signals = (true * 43000.0 * panel / 1300.0, 0.3 * 43000.0 / 1300.0)
         features = [dataclasses.replace(SHOT.features, i_sq=each, gradient_rel=0.0) for each in signals]
-        row = see(dataclasses.replace(SHOT, header=header, features=features[0]))
-        fit = reflectance.fit([row], [PANEL_READING], reflectance.Params(drift_half_hour_rel=0.0))
+        row = dataclasses.replace(SHOT, header=header, features=features[0])
+        rows = [see(dataclasses.replace(row, frame=f"panel-{n}")) for n in range(shots)]
+        fit = reflectance.fit(rows, [PANEL_READING], reflectance.Params(drift_half_hour_rel=0.0))
         frame = see(dataclasses.replace(SHOT, role="field", header=header, features=features[1]))
         k = fit.band_fits[0].coefficient
-        found = reflectance.apply_features(features[1], header=frame.header, coefficients=[k]).reflectance
-        u = found.standard_uncertainty / found.value
-        yield Drawn(found.value / 0.3 - 1.0, u, K95 * u)
+        found = reflectance.apply_features(features[1], header=frame.header, coefficients=[k])
+        value, u = found.reflectance.value, found.reflectance.standard_uncertainty
+        factor, _ = found.doubt.expand(u**2)
+        yield Drawn(value / 0.3 - 1.0, u / value, factor * u / value)
 
     return work
 
 
-for noise, latitude_deg in ((0.03, 20.0), (0.05, 20.0), (0.03, 50.0), (0.05, 50.0)):
-    regime(f"R, light readings to {100 * noise:g} %, sun at {latitude_deg:g}°", draws=1000)(
-        _reflectance(noise, latitude_deg)
-    )
+for noise, latitude_deg, shots in (
+    *((0.03, 20.0, 1), (0.05, 20.0, 1), (0.03, 50.0, 1), (0.05, 50.0, 1)),
+    *((0.01, 20.0, 10), (0.03, 20.0, 10), (0.05, 20.0, 10)),
+):
+    named = f"R, {shots} light reading{'s' * (shots > 1)} to {100 * noise:g} %, sun at {latitude_deg:g}°"
+    regime(named, draws=1000)(_reflectance(noise, latitude_deg, shots))
 
 
 # --- optics

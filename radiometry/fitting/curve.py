@@ -80,6 +80,12 @@ def coverage_factor(dof: float) -> float:
     return float(scipy.special.stdtrit(dof, (1 + _COVERAGE) / 2))
 
 
+def find_dof(factor: float) -> float:
+    """Return the degrees of freedom that have a coverage factor for 95 %; infinite of 1.96 and less."""
+    least = coverage_factor(1e9)
+    return float(scipy.special.stdtridf((1 + _COVERAGE) / 2, factor)) if factor > least else math.inf
+
+
 def fit_curve(curve: Curve, *, model: str, near: CurveFit | None = None) -> CurveFit | None:
     """Fit one model to a calibration curve by iterated generalised least squares.
 

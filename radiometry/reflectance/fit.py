@@ -8,21 +8,25 @@ from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import Raised
-from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame import EARLIEST_YEAR
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
 from radiometry.records import Record
 from radiometry.reflectance import codes, results
 from radiometry.reflectance.points import Candidate
-from radiometry.reflectance.results import BandFit, Coefficient, Knot, Normalisation, Params, Point
+from radiometry.reflectance.results import (
+    ASSUMED_DOF,
+    READING_DOF,
+    BandFit,
+    Coefficient,
+    Knot,
+    Normalisation,
+    Params,
+    Point,
+)
 from radiometry.reflectance.sun import locate_suns_of, read_clock
 from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels, see_light
 
-# An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
-_ASSUMED_DOF = 4.0
-# That of a single sunshine reading, 0.2 to 4.7 % by sensor, is known to 50 %.
-_READING_DOF = 2.0
 _CLOCK_JUMP_S = 60.0
 _FLIGHT_DAY_S = 12 * 3600.0
 # Beyond this zenith angle the light of a panel is mostly the sky's.
@@ -54,19 +58,13 @@ class Estimate(Record, kw_only=False):
 
 
 class Visit(Record, kw_only=False):
-    """A visit to the panel in one band: its errors of its own as relative variances of K.
-
-    ``single``: the part of ``sunshine`` by single readings. ``restless``: the squares of the others that were
-    estimated, each over its degrees of freedom.
-    """
+    """A visit to the panel in one band: its errors of its own as relative variances of K."""
 
     number: int
     knot: Knot
     noise: float
     sunshine: float
-    single: float
     repeat: float
-    restless: float
 
 
 def check_times(used: Sequence[Candidate]) -> tuple[list[Candidate], list[Raised]]:
@@ -128,8 +126,8 @@ def pool_readings(bands: Sequence[Sequence[Sequence[PanelFrame]]]) -> Estimate:
     squares = math.fsum(statistics.variance(each) * (len(each) - 1) for each in groups if len(each) > 1)
     between = sum(len(each) - 1 for each in changes.values())
     free = [sum(len(logs) - 1 for logs in band) for band in within]
-    variance = (_READING_DOF * SINGLE_READING_U_REL**2 + squares) / (_READING_DOF + sum(free) + between)
-    return Estimate(math.sqrt(variance), _READING_DOF + max(free) + between)
+    variance = (READING_DOF * SINGLE_READING_U_REL**2 + squares) / (READING_DOF + sum(free) + between)
+    return Estimate(math.sqrt(variance), READING_DOF + max(free) + between)
 
 
 def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
@@ -167,12 +165,12 @@ def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
             half_span_s=max(abs(at_s - statistics.fmean(times)) for at_s in times) if times else None,
             level_u_rel=math.sqrt(level),
             level_effects=effects,
+            single_u_rel=math.sqrt(single),
+            own_doubt=restless,
         ),
         noise=noise,
         sunshine=sunshine,
-        single=single,
         repeat=repeat,
-        restless=restless,
     )
 
 
@@ -198,8 +196,8 @@ def pool_drift(bands: Sequence[Sequence[Visit]], *, assumed_rel: float) -> Estim
                     excess / results.change_variance(b.at_s - a.at_s)
                 )
     squares = math.fsum(max(0.0, statistics.fmean(each)) for each in found.values())
-    dof = _ASSUMED_DOF + len(found)
-    return Estimate(math.sqrt((_ASSUMED_DOF * assumed_rel**2 + squares) / dof), dof)
+    dof = ASSUMED_DOF + len(found)
+    return Estimate(math.sqrt((ASSUMED_DOF * assumed_rel**2 + squares) / dof), dof)
 
 
 def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
@@ -276,13 +274,10 @@ def _fit_band(
         "repeat of the panel": ("A", math.sqrt(sum(visit.repeat for visit in visits) / count)),
     }
     total = math.fsum(u**2 for _, u in sources.values())
-    single = math.fsum(visit.single for visit in visits) / count
-    # Welch and Satterthwaite: what was not estimated has no end of freedom. A single reading may be twice as
-    # noisy as assumed, which they would average away: its expanded uncertainty adds in squares.
-    restless = math.fsum(visit.restless for visit in visits) / count**2 + midway.drift_u_rel**4 / drift.dof
-    others = coverage_factor((total - single) ** 2 / restless if restless > 0.0 else math.inf)
-    expanded_rel = math.hypot(
-        others * math.sqrt(total - single), coverage_factor(reading.dof) * math.sqrt(single)
+    doubt = results.Doubt(
+        math.fsum((knot.single_u_rel or 0.0) ** 2 for knot in knots) / count,
+        math.fsum(knot.own_doubt or 0.0 for knot in knots) / count**2 + midway.drift_u_rel**4 / drift.dof,
+        reading.dof,
     )
     coefficient = _build(
         used,
@@ -290,9 +285,9 @@ def _fit_band(
         knots,
         k=k,
         sources={name: u for name, (_, u) in sources.items()},
-        expanded_rel=expanded_rel,
-        drift=(constant_u_rel, drift.rel),
-        reading_u_rel=reading.rel if any(c.sunshine and c.sunshine.is_single for c in used) else None,
+        coverage_factor=doubt.expand(total)[0],
+        drift=(constant_u_rel, drift),
+        reading=reading,
     )
     return BandFit(
         coefficient=coefficient,
@@ -348,9 +343,9 @@ def _build(
     *,
     k: float,
     sources: dict[str, float],
-    expanded_rel: float,
-    drift: tuple[float, float],
-    reading_u_rel: float | None,
+    coverage_factor: float,
+    drift: tuple[float, Estimate],
+    reading: Estimate,
 ) -> Coefficient:
     first, panels = used[0], [each.panel for each in used if each.panel]
     panel = panels[0]  # frames without one are left out
@@ -362,8 +357,8 @@ def _build(
         reflectance_k=k,
         reflectance_k_standard_uncertainty=k * u_rel,
         reflectance_k_unit=unit_of_k(first.band, params.normalisation),
-        expanded_uncertainty=k * expanded_rel,
-        coverage_factor=expanded_rel / u_rel if u_rel else coverage_factor(math.inf),
+        expanded_uncertainty=k * coverage_factor * u_rel,
+        coverage_factor=coverage_factor,
         normalisation=params.normalisation,
         sunshine_choice=params.sunshine_choice,
         interpolation=params.interpolation,
@@ -383,8 +378,10 @@ def _build(
         panel_light=tuple(light for each in used if (light := see_light(each.band))) or None,
         gain_u_rel=sources["sunshine gain"],
         drift_u_rel=drift[0],
-        drift_half_hour_rel=drift[1],
-        reading_u_rel=reading_u_rel,
+        drift_half_hour_rel=drift[1].rel,
+        drift_dof=drift[1].dof,
+        reading_u_rel=reading.rel if any(each.is_single for each in sunshine) else None,
+        reading_dof=reading.dof,
         channel_ratio=ratio.value if ratio else None,
         channel_ratio_u_rel=ratio.u_rel if ratio else None,
         gain_indices=tuple(sorted({index for each in sunshine for index in each.gain_indices})),

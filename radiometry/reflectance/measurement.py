@@ -12,7 +12,7 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader, multispectral, roi
 from radiometry.frame.exposure import Exposure
 from radiometry.records import Record, later
-from radiometry.reflectance import codes, imaging, indices, method, points
+from radiometry.reflectance import codes, imaging, indices, method, points, results
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 from radiometry.specification.application import Summary
 
@@ -69,6 +69,21 @@ class MeasuredReflectance(Record):
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = later()
     i_ss_basis: multispectral.LightBasis | None = later()
+    effective_dof: float | None = later()  # of the mean's variance; None if infinite
+    coverage_factor: float | None = later()  # for a coverage probability of 95 %
+    expanded_uncertainty: float | None = later()
+
+
+def _expand(mean: Quantity, doubt: results.Doubt | None) -> dict[str, Any]:
+    """Return k and U of a mean, and the degrees of freedom that have them."""
+    if doubt is None:
+        return {}
+    k, dof = doubt.expand(mean.standard_uncertainty**2)
+    return {
+        "effective_dof": dof if math.isfinite(dof) else None,
+        "coverage_factor": k,
+        "expanded_uncertainty": k * mean.standard_uncertainty,
+    }
 
 
 def measure_region(
@@ -114,6 +129,7 @@ def measure_region(
         flags=applied.flags,
         i_ss_oriented=applied.i_ss_oriented,
         i_ss_basis=applied.i_ss_basis,
+        **_expand(applied.reflectance, applied.doubt),
     )
 
 
@@ -233,6 +249,9 @@ class MeasuredIndex(Record):
     formula: str = ""
     alignment: tuple[multispectral.Alignment, ...] = ()
     budget: tuple[Share, ...] = ()  # the largest first
+    effective_dof: float | None = later()  # as of a reflectance
+    coverage_factor: float | None = later()
+    expanded_uncertainty: float | None = later()
 
 
 def list_effects(
@@ -319,14 +338,22 @@ def measure_index(
         for band in bands
         for each in band.flags
     ]
+    found = Quantity(float(value), math.sqrt(total), REFLECTANCE_UNIT)
+    doubts = [each.doubt.scale(float(slopes[each.band])) for each in bands if each.doubt]
+    doubt = results.Doubt(
+        math.fsum(each.single for each in doubts),
+        math.fsum(each.restless for each in doubts),
+        min((each.dof for each in doubts), default=math.inf),
+    )
     return MeasuredIndex(
         index=formula.name,
-        value=Quantity(float(value), math.sqrt(total), REFLECTANCE_UNIT),
+        value=found,
         bands=tuple(bands),
         flags=(*raised, *flag_alignment(alignment)),
         formula=formula.text,
         alignment=tuple(alignment),
         budget=tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source))),
+        **_expand(found, doubt),
     )
 
 
@@ -366,15 +393,19 @@ def flag_alignment(alignment: Sequence[multispectral.Alignment]) -> list[Raised]
     ]
 
 
+_EXPANDED = ("effective_dof", "coverage_factor", "expanded_uncertainty")
+
+
 def summarise(result: Mapping[str, Any]) -> Summary:
     """Return a stored result of a band, an index or a radiance in figures."""
+    expanded = {name: result.get(name) for name in _EXPANDED}
     if "index" in result:
         name = result["index"]
         index = {"name": name, "formula": result.get("formula") or None, "bands": result["bands"]}
-        figures = {"mean": result["value"], "index": index}
+        figures = {"mean": result["value"], "index": index} | expanded
         return Summary(signal=name, measured=name, column="index_value", figures=figures)
     region = {name: result[name] for name in ("pixels", "mean", "median", "saturated_share")}
-    region |= {"min": result["smallest"], "max": result["largest"]}
+    region |= {"min": result["smallest"], "max": result["largest"]} | expanded
     if "radiance" in result:
         band = result["radiance"]
         figures = {**region, "radiance": band}

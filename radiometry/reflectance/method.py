@@ -11,7 +11,7 @@ scripts, are not followed.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +32,11 @@ from radiometry.records import Record
 from radiometry.reflectance import codes, findings, imaging, panel_code, points, sun
 from radiometry.reflectance.fit import check_times, describe_point, find_scale, fit_bands
 from radiometry.reflectance.results import (
+    READING_DOF,
     REFLECTANCE_UNIT,
     AppliedReflectance,
     Coefficient,
+    Doubt,
     Effect,
     Fit,
     FrameRow,
@@ -55,6 +57,7 @@ from radiometry.reflectance.sunshine import (
 _SAME_SCALE_REL = 0.01
 _CHANGED = 0.7
 _SAME_ANGLE_DEG = 0.05
+_READINGS: Final = "sunshine readings"
 
 
 class Scale(Record):
@@ -64,6 +67,7 @@ class Scale(Record):
     factor: float
     u_rel: float  # of the factor, the same for every pixel
     sources: tuple[tuple[str, float], ...]  # parts of `u_rel`
+    doubt: Doubt  # of `u_rel` squared
     reflectance_k: float  # K at the frame's time
     i_ss: float | None  # None for a panel-only K
     flags: tuple[Raised, ...]
@@ -124,6 +128,7 @@ def find_scale_of_frame(
         factor=k.value / ((1.0 if i_ss is None else i_ss) * cosine),
         u_rel=math.hypot(*(u for _, u in sources)),
         sources=sources,
+        doubt=_doubt(coefficient, k, sunshine, readings_u_rel=dict(sources).get(_READINGS, 0.0)),
         reflectance_k=k.value,
         i_ss=i_ss,
         flags=tuple(flags),
@@ -172,10 +177,20 @@ def _list_sources(
     return (
         ("K", own),
         ("drift", k.drift_u_rel),
-        ("sunshine readings", readings),
+        (_READINGS, readings),
         ("sunshine tilt", math.hypot(k.level_u_rel, own_tilt, *shared_tilt)),
         ("sunshine gain", gain),
     )
+
+
+def _doubt(
+    coefficient: Coefficient, k: KAtTime, sunshine: Sunshine | None, *, readings_u_rel: float
+) -> Doubt:
+    """Return how well the factor's variance is known; a single reading has the noise of the panel's."""
+    own = readings_u_rel**2
+    single, estimated = (own, 0.0) if sunshine is None or sunshine.is_single else (0.0, own)
+    restless = estimated**2 / (sunshine.readings - 1.0) if estimated and sunshine else 0.0
+    return Doubt(k.single + single, k.restless + restless, coefficient.reading_dof or READING_DOF)
 
 
 def _describe_outside(k: KAtTime) -> str:
@@ -236,6 +251,7 @@ def apply_features(
     return AppliedReflectance(
         band=features.band,
         reflectance=Quantity(value, math.hypot(*(effect.effect for effect in effects)), REFLECTANCE_UNIT),
+        doubt=scale.doubt.scale(value),
         i_sq=features.i_sq,
         i_ss=scale.i_ss,
         reflectance_k=scale.reflectance_k,

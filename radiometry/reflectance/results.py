@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import Raised
+from radiometry.fitting.curve import coverage_factor, find_dof
 from radiometry.fitting.evidence import BudgetEntry, Exclusion, Quantity
 from radiometry.frame import FrameHeader, multispectral
 from radiometry.frame.exposure import Exposure
@@ -152,6 +153,10 @@ class Reading(Record):
 REFLECTANCE_UNIT = "1"
 # The time over which `drift_half_hour_rel` is stated.
 HALF_HOUR_S = 1800.0
+# An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
+ASSUMED_DOF = 4.0
+# That of a single sunshine reading, 0.2 to 4.7 % by sensor, is known to 50 %.
+READING_DOF = 2.0
 # Versions before the drift was estimated.
 USUAL_DRIFT_REL = 0.02
 _FAST_S = 300.0
@@ -169,6 +174,10 @@ class Knot(Record):
     level_u_rel: float | None = later("Part of `u_rel` from levelling the sunshine, alike in all bands.")
     level_effects: tuple[float, ...] | None = later(
         "Parts of `level_u_rel` that all captures share, each with its sign."
+    )
+    single_u_rel: float | None = later("Part of `u_rel` from single sunshine readings.")
+    own_doubt: float | None = later(
+        "Squares of the other relative variances that were estimated, each over its degrees of freedom."
     )
 
     @property
@@ -223,6 +232,8 @@ class Coefficient(Record):
         "differences between the captures."
     )
     reading_u_rel: float | None = later("Of a single sunshine reading; None if the frames had several.")
+    reading_dof: float | None = later("Degrees of freedom of the noise of a single sunshine reading.")
+    drift_dof: float | None = later("Degrees of freedom of `drift_half_hour_rel`.")
     channel_ratio: float | None = later(
         "CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a saturated CH0."
     )
@@ -275,6 +286,36 @@ class Fit(Record):
     flags: tuple[Raised, ...]
 
 
+class Doubt(Record, kw_only=False):
+    """How well a variance is known.
+
+    ``single``: its part by single light readings, whose noise is known with ``dof`` degrees of freedom.
+    ``restless``: the squares of other estimated parts, each over its degrees of freedom.
+    """
+
+    single: float
+    restless: float
+    dof: float
+
+    def scale(self, factor: float) -> "Doubt":
+        return Doubt(self.single * factor**2, self.restless * factor**4, self.dof)
+
+    def expand(self, variance: float) -> tuple[float, float]:
+        """Return the coverage factor for 95 %, and the degrees of freedom that have it.
+
+        By Welch and Satterthwaite [1], where what was not estimated has no end of freedom. A single reading
+        may be twice as noisy as assumed, which they would average away: its expanded uncertainty adds in
+        squares.
+
+        [1] JCGM 100:2008, G.4.1, doi:10.59161/JCGM100-2008E
+        """
+        rest = max(0.0, variance - self.single)
+        others = coverage_factor(max(1.0, rest**2 / self.restless) if self.restless else math.inf)
+        expanded = math.hypot(others * math.sqrt(rest), coverage_factor(self.dof) * math.sqrt(self.single))
+        k = expanded / math.sqrt(variance) if variance else others
+        return k, find_dof(k)
+
+
 class Effect(Record):
     """Effect of one standard uncertainty of one source on a reflectance."""
 
@@ -295,6 +336,7 @@ class AppliedReflectance(Record):
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = later()
     i_ss_basis: multispectral.LightBasis | None = later()
+    doubt: Doubt | None = later()
 
 
 class KAtTime(Record):
@@ -305,6 +347,8 @@ class KAtTime(Record):
     level_effects: tuple[float, ...]  # parts of `u_rel`: what captures share in levelling
     level_u_rel: float  # part of `u_rel`: of levelling beside those
     drift_u_rel: float  # from K's change between the panel visits and the frame
+    single: float  # part of the relative variance by single readings
+    restless: float  # of its other estimated parts, as in `Doubt`
     # to the nearest panel visit, negative before the first; 0 between or during visits, None if not known
     outside_s: float | None
 
@@ -347,12 +391,19 @@ def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drif
     effects = add_effects([knot.level_effects or () for knot in knots], shares)
     own_u_rel = math.hypot(*(w * knot.own_u_rel for w, knot in zip(shares, knots, strict=True)))
     level_u_rel = math.hypot(*(w * knot.own_level_u_rel for w, knot in zip(shares, knots, strict=True)))
+    # what older captures have of their own counts as of single readings
+    single = math.fsum(
+        (w * (knot.own_u_rel if knot.single_u_rel is None else knot.single_u_rel)) ** 2
+        for w, knot in zip(shares, knots, strict=True)
+    )
     found = KAtTime(
         value=value,
         u_rel=math.hypot(own_u_rel, level_u_rel, *effects),
         level_effects=effects,
         level_u_rel=level_u_rel,
         drift_u_rel=math.hypot(drift_rel, (max(ks) - min(ks)) / value),
+        single=single,
+        restless=math.fsum(w**4 * (knot.own_doubt or 0.0) for w, knot in zip(shares, knots, strict=True)),
         outside_s=None,
     )
     if known_s is None:
@@ -390,6 +441,7 @@ def evaluate_k(coefficient: Coefficient, *, at_s: float | None) -> KAtTime:
         found,
         u_rel=math.hypot(found.u_rel, coefficient.shared_u_rel),
         drift_u_rel=math.hypot(found.drift_u_rel, coefficient.drift_u_rel),
+        restless=found.restless + found.drift_u_rel**4 / (coefficient.drift_dof or ASSUMED_DOF),
     )
 
 

@@ -9,6 +9,7 @@ import scipy
 
 from radiometry.findings import grouping, shared
 from radiometry.fitting import evidence
+from radiometry.fitting.curve import coverage_factor, find_dof
 from radiometry.records import Record
 from radiometry.sharpness import profile, results
 from radiometry.sharpness.edges import JACKKNIFE_DOF
@@ -241,7 +242,6 @@ def merge_estimates(
 
 
 _LEVEL, _LEVEL_OF_TWO = 0.60, 0.35
-_COVERAGE = 0.975
 _KNOWN_DOF = 1e9
 
 
@@ -257,12 +257,12 @@ def _merge_variances(observed: float, predicted: float, count: int, *, dof: floa
     if u == 0.0 or observed <= predicted * float(scipy.special.fdtri(count - 1, known, level)):
         return u, dof
     by_noise, by_scatter = (
-        float(scipy.special.stdtrit(freedom, _COVERAGE)) * math.sqrt(variance / count)
+        coverage_factor(freedom) * math.sqrt(variance / count)
         for freedom, variance in ((known, predicted), (count - 1.0, observed))
     )
     if by_noise >= by_scatter:
         return u, dof
-    return u, float(scipy.special.stdtridf(_COVERAGE, by_scatter / u))
+    return u, find_dof(by_scatter / u)
 
 
 def _coefficient(

@@ -208,6 +208,7 @@ class MeasurementAnswer(Answer):
     expanded_uncertainty_cd_m2: float | None = maybe(
         "`coverage_factor` times the mean's standard uncertainty."
     )
+    expanded_uncertainty: float | None = maybe("The same of a reflectance or an index, without unit.")
     min: Quantity | None = None
     max: Quantity | None = None
     median: Quantity | None = None

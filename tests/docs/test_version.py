@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.11"
-    expected = "5195d6f52d681550856ac44efe1df6bb92600003d27001f304ce1f9483940da6"
+    assert software.FIT_CODE_VERSION == "0.1.12"
+    expected = "e206628be26a0acb507abcdf28a43d02fcc9e6d117bc1f99491c60da77d0fd06"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -123,6 +123,9 @@ def test_the_panel_measures_itself(sqlite_house, frames, version):
     assert found["mean"]["value"] == pytest.approx(ALBEDO["red"], rel=1e-9)
     assert found["mean"]["standard_uncertainty"] > 0.005
     assert found["reflected"]["i_ss_basis"] == "levelled"
+    # one reading at the panel, one at the frame, and nothing that shows their noise
+    assert 2.0 < found["effective_dof"] < 30.0
+    assert found["expanded_uncertainty"] == found["coverage_factor"] * found["mean"]["standard_uncertainty"]
 
 
 def read_planes(house, found):
@@ -140,6 +143,7 @@ def test_an_index_of_bands_without_relatives_is_aligned_by_their_edges(sqlite_ho
     assert (alignment["band"], alignment["by"]) == ("red", "correlation")
     assert alignment["patches"] > 100
     assert 0.05 < alignment["residual_px"] < 0.45
+    assert found["expanded_uncertainty"] > 1.96 * found["mean"]["standard_uncertainty"]
     assert found["index"] == {"name": formula, "formula": formula, "bands": found["index"]["bands"]}
     assert {share["source"] for share in found["budget"]} >= {"panel", "K", "alignment", "pixel noise"}
     assert sum(share["variance_share"] for share in found["budget"]) == pytest.approx(1.0)

@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
+from radiometry.fitting.curve import coverage_factor
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SunshineCounts
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.findings import check_fit
 from radiometry.reflectance.fit import compute_k
+from radiometry.reflectance.results import Doubt
 from radiometry.reflectance.sun import TiltParams
 from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
@@ -97,6 +99,30 @@ def test_effects_add_up_to_the_uncertainty():
     total = math.hypot(*(effect.effect for effect in found.effects))
     assert total == pytest.approx(found.reflectance.standard_uncertainty)
     assert [effect.source for effect in found.effects if not effect.shared] == ["pixel noise"]
+
+
+def test_k_of_a_reflectance_by_hand():
+    """3 % of what is known with 9 degrees of freedom, 4 % of single readings with 2."""
+    k, dof = Doubt(0.04**2, 0.03**4 / 9.0, 2.0).scale(0.5).expand(0.025**2)
+    assert k * 0.025 == pytest.approx(0.5 * math.hypot(2.2622 * 0.03, 4.3027 * 0.04), rel=1e-4)
+    assert coverage_factor(dof) == pytest.approx(k)
+    assert Doubt(0.0, 0.0, 2.0).expand(0.05**2) == (pytest.approx(1.95996, rel=1e-5), math.inf)
+
+
+def test_a_frame_s_single_reading_is_as_unsure_as_the_panel_s():
+    """Of one sensor's noise: both together, with the degrees of freedom that the fit found."""
+    (row,) = take(seeded(), {"green": PANEL_R["green"]}, gain_indices=(1,))
+    k = reflectance.fit([row], READINGS, reflectance.Params()).band_fits[0].coefficient
+    (alone,), (several,) = field(surface={"green": 0.3}, gain_indices=(1,)), field(surface={"green": 0.3})
+    found, more = (measure(each, [k]) for each in (alone, several))
+    assert (k.reading_dof, k.knots[0].single_u_rel) == (2.0, pytest.approx(0.025, rel=0.01))
+    assert found.doubt.single == pytest.approx(2 * (0.025 * found.reflectance.value) ** 2, rel=0.01)
+    assert more.doubt.single == pytest.approx((0.025 * more.reflectance.value) ** 2, rel=0.01)
+    # a version of before: all that its visits have of their own may be single readings
+    older = dataclasses.replace(k.knots[0], single_u_rel=None, own_doubt=None)
+    told = measure(alone, [dataclasses.replace(k, knots=(older,), reading_dof=None, drift_dof=None)])
+    factors = [each.doubt.expand(each.reflectance.standard_uncertainty**2)[0] for each in (told, found, more)]
+    assert 3.0 < factors[2] < factors[1] <= factors[0] < 4.3
 
 
 def test_a_gain_s_error_cancels_at_the_same_gain_and_counts_at_another():

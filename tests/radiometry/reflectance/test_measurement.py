@@ -11,7 +11,7 @@ from radiometry.findings.grouping import advise
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance.indices import compute, read_formula
 from radiometry.reflectance.measurement import estimate_noise, measure_index
-from radiometry.reflectance.results import AppliedReflectance, Effect
+from radiometry.reflectance.results import AppliedReflectance, Doubt, Effect
 
 HAZY = Raised(flag="panel_once", where="", detail="Once.")
 
@@ -26,6 +26,7 @@ def applied(band, value, u, *flags, source="pixel noise"):
         reflectance_k=value,
         effects=tuple(Effect(source=name, shared=name == "K", effect=of) for name, of in effects.items()),
         flags=flags,
+        doubt=Doubt(u**2, 0.0, 2.0),
     )
 
 
@@ -41,6 +42,8 @@ def test_an_index_by_hand():
     # 2 b u_a / (a + b)^2 = 0.006 / 0.64, 2 a u_b / (a + b)^2 = 0.02 / 0.64
     assert found.value.standard_uncertainty == pytest.approx(math.hypot(0.006, 0.02) / 0.64)
     assert found.flags == (Raised(flag="panel_once", where="band red", detail="Once."),)
+    assert found.expanded_uncertainty == pytest.approx(4.3027 * found.value.standard_uncertainty, rel=1e-4)
+    assert found.effective_dof == pytest.approx(2.0)
     assert sum(share.variance_share for share in found.budget) == pytest.approx(1.0)
 
 
