@@ -221,6 +221,7 @@ _RATIOS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", 
 _PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _SHARES = ("below_zero_share", "above_one_share")
 _LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
+_COVERAGE = ("effective_dof", "coverage_factor", "expanded_uncertainty")  # of the mean, in its unit
 _PERCENTS = (5, 10, 90, 95)
 _BODY = ("make", "model_name", "serial")
 
@@ -251,6 +252,7 @@ COLUMNS = (
     *("index", *_with_u("index_value"), *_SHARES, "saturated_share", "vignetting", "signal"),
     *("flags", "created_at", "camera_id", *_BODY, "campaign_id", "method"),
     *_LIGHT,
+    *_COVERAGE,
 )
 KINDS: dict[str, type] = dict.fromkeys(
     (
@@ -317,7 +319,9 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
         # stored rows have no column for a radiance
         "signal": f"radiance {summary.signal}" if "radiance" in summary.figures else summary.signal,
         "index": summary.figures.get("index", {}).get("name"),
+        "expanded_uncertainty": summary.figures.get("expanded_uncertainty_cd_m2"),
     }
+    cells |= {name: summary.figures[name] for name in _COVERAGE if name in summary.figures}
     for figure, column in _COLUMNS_OF.get(summary.column or "", {}).items():
         if (quantity := summary.figures.get(figure)) is not None:
             cells[column] = quantity["value"]

@@ -74,6 +74,8 @@ def test_measurements_are_a_series_too(house, measured):
     (row,) = house.get("/v1/series/measurements")["rows"]
     assert row["calibration_id"] == measured["id"]
     assert row["mean_cd_m2"] > 0
+    expanded = row["coverage_factor"] * row["mean_cd_m2_standard_uncertainty"]
+    assert row["expanded_uncertainty"] == pytest.approx(expanded)
     text = house.http.get("/v1/series/measurements", params={"format": "csv"}).text
     (line,) = csv.DictReader(io.StringIO(text))
     assert float(line["mean_cd_m2"]) == row["mean_cd_m2"]

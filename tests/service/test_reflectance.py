@@ -256,6 +256,8 @@ def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, conte
     lines = house.http.get(f"/v1/series/measurements?campaign_id={flight_id}&format=csv").text.splitlines()
     columns = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
+    for name in ("effective_dof", "coverage_factor", "expanded_uncertainty"):
+        assert float(columns[name]) == row[name]
     assert [line["source"] for line in row["budget"] if line["source"] == "drift"] == ["drift"]
     # its time is now on the version's plot, which a browser must ask for again, and on the certificate
     after = house.http.get(plot, headers={"If-None-Match": before.headers["ETag"]})
