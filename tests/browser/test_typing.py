@@ -218,6 +218,9 @@ def test_a_pasted_column_is_held_against_the_frames_before_it_is_stored(page, te
     meant = {scene: [value] for scene, value in MEANT.items()}
     wait_until(lambda: stored(team, campaign) == meant)
     page.get_by_role("button", name="Paste readings…").click()
+    dialog.get_by_label("Lines").fill("54.4\n23.1\n\n7.35\n2.94\n1.28")
+    expect(dialog.get_by_role("radio", name="Blank rows left out, from Scene 1")).to_be_checked()
+    expect(dialog.get_by_text("agrees", exact=True)).to_have_count(5)
     dialog.get_by_label("Lines").fill("Scene 1\t54,2\nScene 7\t1,0\nScene 2\t23,1")
     expect(dialog).to_contain_text("no frames of Scene 7")
     dialog.get_by_label("Lines").fill("L [mcd/m²]\n54400\n23100\n7350")

@@ -2,7 +2,6 @@
 
 import { causeFold, small, smallLink } from "../causes.js";
 import { h, may } from "../dom.js";
-import { shortly } from "../format.js";
 
 /** Named in place of a part of the page: a dialog, which the page opens. */
 const PANEL = "panel";
@@ -18,14 +17,18 @@ const MARKS = { error: "warn", warn: "gap" };
 
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
+/** The first sentences, and the names of what the others are about: "scene Scene 4" without the kind. */
+const MOST = 3;
+const tell = (said, others) => [...said.slice(0, MOST), ...(said.length > MOST ? [`also ${[...new Set(others.map((subject) => subject.replace(/^(\w+) (?=\1\b)/i, "")))].join(", ")}`] : [])].join("; ");
+
 const isComing = ({ frames }, sending) => sending || frames.being_read > 0;
 
 /** What a person can mend, of one severity or of all, as [{code, mark, title, where, part, button}]. */
 export function causesOf(campaign, severity, sending = false) {
-  const lines = campaign.causes.filter((cause) => (severity ? cause.severity === severity : cause.severity in MARKS)).map(({ code, severity: of, sentence, detail, values }) => {
+  const lines = campaign.causes.filter((cause) => (severity ? cause.severity === severity : cause.severity in MARKS)).map(({ code, severity: of, sentence, detail, subjects, values }) => {
     const [part, button] = PARTS[code] ?? FRAMES;
     const said = [...new Set(values.detail ?? [])];
-    return { code, mark: MARKS[of], title: capital(said.length ? sentence : detail).replace(/\.$/, ""), where: shortly(said.map(capital).join("; "), 300), part, button };
+    return { code, mark: MARKS[of], title: capital(said.length ? sentence : detail).replace(/\.$/, ""), where: tell(said.map(capital), subjects.filter((_, at) => !said.slice(0, MOST).includes(values.detail?.[at]))), part, button };
   });
   return isComing(campaign, sending) ? lines.filter(({ code, part }) => part !== "frames" && code !== "reading_without_frames") : lines;
 }

@@ -11,7 +11,7 @@ import { readSheet } from "./sheet.js";
 
 /** A reading agrees with its frames within this ratio; fewer are no column that could be a row off. */
 const [LIKE, FEWEST] = [1.25, 3];
-const WAYS = new Map([[0, "As pasted"], [-1, "One row up"], [1, "One row down"]]);
+const WAYS = new Map([["0", "As pasted"], ["closed", "Blank rows left out"], ["-1", "One row up"], ["1", "One row down"]]);
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
 
 /** What the frames of each scene say of its luminance, in a unit of their own: signal above dark per t S / f². */
@@ -45,15 +45,17 @@ export function openPaste(book, scenes, { text = "", from = scenes[0] }) {
     // a column may have a heading
     const head = cells.length > 1 && /^[^\t\d][^\t]*\D$/.test(cells[0]) ? 1 : 0;
     const isColumn = cells.slice(head).every((cell) => /^\s*([\d.,+−-][^\t]*)?$/.test(cell));
-    const lined = (by) => cells.map((cell, at) => (at < head ? `scene\tvalue ${/[[(].*/.exec(cell) ?? ""}` : cell.trim() && `${scenes[begin + at - head + by] ?? ""}\t${cell}`)).join("\n");
+    const blanks = (upTo) => cells.slice(0, upTo).filter((cell) => !cell.trim()).length;
+    const lined = (by) => cells.map((cell, at) => (at < head ? `scene\tvalue ${/[[(].*/.exec(cell) ?? ""}` : cell.trim() && `${scenes[begin + at - head + (by === "closed" ? -blanks(at) : Number(by))] ?? ""}\t${cell}`)).join("\n");
     const judged = (text, headless) => judge(readSheet(text, { unit: book.unit, headless, scenes }));
-    const ways = isColumn ? [...WAYS.keys()].map((by) => ({ by, ...judged(lined(by), !head) })) : [{ by: 0, ...judged(lines.value) }];
+    const ways = isColumn ? [...WAYS.keys()].filter((by) => by !== "closed" || blanks()).map((by) => ({ by, ...judged(lined(by), !head) })) : [{ by: "0", ...judged(lines.value) }];
     const best = ways.reduce((one, other) => (other.agreeing > one.agreeing && other.agreeing >= FEWEST ? other : one));
     read = ways.find(({ by }) => by === (shift ?? best.by));
+    const first = ({ by }) => scenes[begin + (Number(by) || 0)];
     const told = ({ scene, agrees }) => (!book.state.scenes.includes(scene) ? [mark("warn"), ` no frames of ${scene}`] : agrees === null ? "" : agrees ? [mark("good"), " agrees"] : [mark("bad"), " differs"]);
     fill(shown,
       read.faults.length ? h("ul", { class: "plain faults", role: "alert" }, read.faults.slice(0, 8).map((fault) => h("li", {}, h("strong", {}, `Line ${fault.line}: `), fault.text))) : null,
-      best.by ? [h("p", {}, h("strong", {}, `They fit the frames from ${scenes[begin + best.by]}.`), " Nothing is stored yet."), choices("shift", [ways[0], best].map(({ by, agreeing }) => [String(by), `${WAYS.get(by)}, from ${scenes[begin + by]}`, `${agreeing} of ${cells.length} agree`]), (by) => ((shift = Number(by)), draw()), String(read.by))] : null,
+      best !== ways[0] ? [h("p", {}, h("strong", {}, `They fit the frames from ${first(best)}.`), " Nothing is stored yet."), choices("shift", [ways[0], best].map((way) => [way.by, `${WAYS.get(way.by)}, from ${first(way)}`, `${way.agreeing} of ${cells.length - head - blanks()} agree`]), (by) => ((shift = by), draw()), read.by)] : null,
       read.rows.length ? table([
         { head: "Scene", header: true, cell: ({ scene }) => scene },
         { head: "Frames say", class: "number", cell: ({ scene }) => (light.has(scene) && read.usual ? number(read.usual * light.get(scene), 2) : "–") },
