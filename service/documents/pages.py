@@ -442,14 +442,19 @@ def _tabulate_frames(frames: list[Node], columns: Sequence[Column], points: Mapp
         ["frame", "scene", "t", "f/", "ISO", "signal [DN]", *(each.head for each in columns), "SHA-256"],
         rows,
         align="llrrrr" + "r" * len(columns) + "h",
-        widths=[2.3, 1.1, 0.9, 0.5, 0.8, 1.9, *(each.share for each in columns), 5.8],
+        widths=[
+            *(2.3, 1.1, 0.9, 0.5, 0.8, 1.9 if any("signal_dn" in frame for frame in frames) else 4.8),
+            *(each.share for each in columns),
+            5.8,
+        ],
     )
 
 
 def _signal(frame: Node) -> str:
     if "signal_dn" in frame:
         return " ± ".join(in_step(frame["signal_dn"], frame["signal_standard_uncertainty_dn"]))
-    return ", ".join(f"{row['channel']} {plain(row['mean_dn'], 6)}" for row in frame["statistics"]) or "-"
+    rows = [row for row in frame["statistics"] if row["channel"] != "grey" or len(frame["statistics"]) == 1]
+    return ", ".join(f"{row['channel']} {plain(row['mean_dn'])}" for row in rows) or "-"
 
 
 def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
@@ -461,7 +466,7 @@ def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
         [*(column.head for column in columns), "status"],
         rows,
         align="".join("l" if column.form == "text" else "r" for column in columns) + "l",
-        widths=[*(column.share for column in columns), 1.2],
+        widths=[*(column.share for column in columns), 2.4],
     )
 
 

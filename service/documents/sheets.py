@@ -40,12 +40,13 @@ def table(
     if len(rows) > MOST_ROWS:
         cut = f"The first {MOST_ROWS} of {len(rows):,} rows; all are in the JSON certificate."
         rows, caption = rows[:MOST_ROWS], f"{caption} {cut}".strip()
+    told = [at for at in range(len(head)) if at == 0 or any(row[at] != "-" for row in rows if len(row) > 1)]
     return {
         "kind": "table",
-        "head": head,
-        "rows": rows,
-        "align": align,
-        "widths": list(widths),
+        "head": [head[at] for at in told],
+        "rows": [[row[at] for at in told] if len(row) > 1 else row for row in rows],
+        "align": "".join(align[at] for at in told),
+        "widths": [widths[at] for at in told],
         "caption": caption,
     }
 
