@@ -154,6 +154,9 @@ def _tour(stage: Stage, http: httpx.Client, recorder: Recorder) -> None:
     _post(http, "tools/exposure", {"rows": rows, "dark_dn": 8, "white_level_dn": 16384})
     cameras = [first.camera_id, other.camera_id]
     _post(http, "fleet/verdict", {"method": "luminance", "camera_ids": cameras, "tolerance": 0.04})
+    cause = {"meter_certificate_number": "L-2025-0117"}
+    recall = _post(http, "recalls", {"cause": cause, "reason": "certificate withdrawn"})
+    http.get(f"/v1/recalls/{recall['id']}")
     for path, methods in recorder.document["paths"].items():
         if operation := methods.get("get"):
             query = _QUERIES.get(operation["operationId"], {})

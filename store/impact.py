@@ -1,37 +1,49 @@
-"""Effect of a decision about a version: on coefficients, and on the measurements that were made with it."""
+"""Effect of a decision about a version, and recalls: all versions with a common cause, revoked together."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import Select, or_, select
 from sqlalchemy.orm import Session
 
-from radiometry.fitting.comparison import Comparison, compare_quantities
+from radiometry.findings import interface
+from radiometry.fitting.comparison import Comparison, MeasuredChange, compare_quantities
 from radiometry.fitting.evidence import Quantity
-from radiometry.methods import get_method
+from radiometry.methods import METHODS, get_method
 from radiometry.records import Record
-from store.measuring.comparison import Reference, compare_meters, compare_panels
+from radiometry.specification.application import BandApplication, SurfaceApplication
+from store import codec, database
+from store.measuring.comparison import Reference, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
-from store.publications import InForce, list_held
-from store.queries.calibrations import coefficients_of
+from store.publications import InForce, list_held, revoke
+from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.frame_times import FrameClocks, FrameTime
 from store.tables import (
+    AuditEntry,
     Calibration,
+    Camera,
+    Campaign,
     CoefficientRow,
     FrameRow,
     Measurement,
+    Meter,
+    Reading,
+    Recall,
     Slot,
 )
+from store.tables.base import utc_now
 
 
 class Touched(Record):
-    """A measurement made with a version, and the version that would take its place."""
+    """A measurement made with a version, and what another would make of it."""
 
     measurement: Measurement
     frame: FrameRow
     successor: Calibration | None
+    change: MeasuredChange | None
+    why: str | None
 
 
 class CoefficientChange(Record):
@@ -81,28 +93,56 @@ def assess(session: Session, calibration: Calibration, against: InForce) -> Impa
         isos_lost=sorted(isos[old.id] - isos[calibration.id]),
         flags_gained=sorted(flags[calibration.id] - flags[old.id]),
         flags_lost=sorted(flags[old.id] - flags[calibration.id]),
-        measurements=[
-            Touched(measurement=measurement, frame=frame, successor=calibration)
-            for measurement, frame in _measured_with(session, old)
-        ],
+        measurements=[_touch(*row, old, calibration) for row in _measured_with(session, old)],
     )
 
 
-def list_touched(session: Session, calibration: Calibration) -> list[Touched]:
-    """Return the measurements made with a version, each with what is in force in its place."""
-    others = [held for held in _list_open(session, calibration) if held.calibration.id != calibration.id]
-    clocks = FrameClocks(session)
-    return [
-        Touched(measurement=measurement, frame=frame, successor=_find_successor(clocks.find(frame), others))
-        for measurement, frame in _measured_with(session, calibration)
-    ]
+def list_touched(
+    session: Session, calibration: Calibration, *, without: Collection[str] = ()
+) -> list[Touched]:
+    """The measurements made with a version, each with what would take its place if these versions went."""
+    gone = {calibration.id, *without}
+    others = [held for held in _list_open(session, calibration) if held.calibration.id not in gone]
+    touched, clocks = [], FrameClocks(session)
+    for measurement, frame in _measured_with(session, calibration):
+        successor, why = _find_successor(clocks.find(frame), others)
+        if successor is None:
+            touched.append(
+                Touched(measurement=measurement, frame=frame, successor=None, change=None, why=why)
+            )
+        else:
+            touched.append(_touch(measurement, frame, calibration, successor))
+    return touched
 
 
-def _find_successor(taken: FrameTime | None, others: Sequence[InForce]) -> Calibration | None:
+def _find_successor(taken: FrameTime | None, others: Sequence[InForce]) -> tuple[Calibration | None, str]:
     if taken is None:
-        return None
-    held_then = (held.calibration for held in others if held.holds(taken.earliest, taken.latest))
-    return next(held_then, None)
+        return None, "The frame does not state when it was taken."
+    for held in others:
+        if held.holds(taken.earliest, taken.latest):
+            return held.calibration, ""
+    return None, "No other version is in force when the frame was taken."
+
+
+def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration) -> Touched:
+    application = get_method(old.method).application
+    if isinstance(application, BandApplication) and old.method == new.method:
+        change = touch_band(application, measurement, frame, old, new)
+        return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
+    if not isinstance(application, SurfaceApplication) or frame.exposure is None:
+        told = [spec.name for spec in METHODS if spec.reference is not None and spec.application]
+        why = f"What changes is told for versions of {' and '.join(told)} only."
+        return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
+    lens_share = application.summarise(measurement.result).figures["lens_share"]
+    change = application.change(
+        codec.read_applied(old),
+        codec.read_applied(new),
+        exposure=codec.decode_exposure(frame.exposure),
+        signal_dn=measurement.result.get("signal_dn"),
+        lens_share=lens_share["value"] if lens_share else 1.0,
+        common_u_rel=compare_meters(old, new)[1],
+    )
+    return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
 
 
 def _measured_with(session: Session, calibration: Calibration) -> list[tuple[Measurement, FrameRow]]:
@@ -166,3 +206,114 @@ def _key(row: CoefficientRow) -> tuple[Any, ...]:
 
 def _quantity(row: CoefficientRow) -> Quantity:
     return Quantity(value=row.value, standard_uncertainty=row.standard_uncertainty, unit=row.unit)
+
+
+_ENGRAVED = ("kind", "make", "model", "serial")
+
+
+class Condemned(Record):
+    calibration: Calibration
+    camera: Camera
+    status: VersionStatus
+    measurements: list[Touched]
+
+
+def find_versions(session: Session, organisation_id: str, cause: dict[str, str]) -> list[str]:
+    """Return the ids of all versions made with the cause, drafts and revoked versions included, in order."""
+    ((kind, value),) = cause.items()
+    mine = select(Calibration.id).where(Calibration.organisation_id == organisation_id)
+    match kind:
+        case "meter_id":
+            return _by_meter(session, mine, session.get_one(Meter, value))
+        case "meter_certificate_number":
+            return _by_certificate(session, mine, value)
+        case "software":
+            by_software = mine.where(Calibration.software["stilb"].as_string() == value)
+            return sorted(session.scalars(by_software))
+        case _:
+            # campaigns that name this recorder, or did before
+            once = select(AuditEntry.subject_id).where(
+                AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == value
+            )
+            named = select(Campaign.id).where(or_(Campaign.recorder == value, Campaign.id.in_(once)))
+            return sorted(session.scalars(mine.where(Calibration.campaign_id.in_(named))))
+
+
+def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Recall:
+    """Record the versions that the cause finds, for review and confirmation."""
+    recall = Recall(
+        organisation_id=organisation_id,
+        cause=cause,
+        reason=reason,
+        calibration_ids=find_versions(session, organisation_id, cause),
+        created_by=by,
+    )
+    session.add(recall)
+    session.flush()
+    return recall
+
+
+def confirm(session: Session, recall: Recall, *, by: str) -> None:
+    """Revoke every version of a recall in this transaction. A confirmed recall is not changed."""
+    session.refresh(recall, with_for_update=True)
+    if recall.confirmed_at is not None:
+        return
+    found = find_versions(session, recall.organisation_id, recall.cause)
+    if found != recall.calibration_ids:
+        more, fewer = set(found) - set(recall.calibration_ids), set(recall.calibration_ids) - set(found)
+        raise database.Conflict(
+            interface.RECALL_OUTDATED,
+            f"The cause now finds other versions than at the review: {len(more)} more, {len(fewer)} fewer. "
+            "Propose the recall again and review it.",
+        )
+    for calibration in _in_locking_order(session, found):
+        revoke(session, calibration, reason=f"{recall.reason} (recall {recall.id})", by=by)
+    recall.confirmed_by, recall.confirmed_at = by, utc_now()
+    session.flush()
+
+
+def review(session: Session, recall: Recall) -> list[Condemned]:
+    """Return every version of a recall with its status, and its measurements with their successors."""
+    ids = recall.calibration_ids
+    status = read_version_statuses(session, ids)
+    both = select(Calibration, Camera).join(Camera, Camera.id == Calibration.camera_id)
+    rows = both.where(Calibration.id.in_(ids)).order_by(Camera.id, Calibration.method, Calibration.version)
+    return [
+        Condemned(
+            calibration=row[0],
+            camera=row[1],
+            status=status[row[0].id],
+            measurements=list_touched(session, row[0], without=ids),
+        )
+        for row in session.execute(rows)
+    ]
+
+
+def _in_locking_order(session: Session, ids: list[str]) -> list[Calibration]:
+    """Return the versions in an order in which concurrent recalls lock the same slots."""
+    rows = session.scalars(select(Calibration).where(Calibration.id.in_(ids)))
+    return sorted(
+        rows,
+        key=lambda row: (row.camera_id, row.method, json.dumps(row.configuration, sort_keys=True), row.id),
+    )
+
+
+def _by_meter(session: Session, mine: Select[Any], meter: Meter) -> list[str]:
+    """Find versions by meter, in the campaigns with a reading of it: readings are never deleted."""
+    had_it = select(Reading.campaign_id).where(Reading.meter_id == meter.id)
+    rows = session.execute(
+        mine.add_columns(Calibration.inputs["meters"]).where(Calibration.campaign_id.in_(had_it))
+    )
+    engraved = [getattr(meter, name) for name in _ENGRAVED]
+    return sorted(
+        row[0] for row in rows if any([used[name] for name in _ENGRAVED] == engraved for used in row[1] or [])
+    )
+
+
+def _by_certificate(session: Session, mine: Select[Any], number: str) -> list[str]:
+    rows = session.execute(mine.add_columns(Calibration.inputs["meters"]))
+    return sorted(
+        row[0]
+        for row in rows
+        if any(used.get("certificate", {}).get("number") == number for used in row[1] or [])
+    )

@@ -254,6 +254,11 @@ NO_CHECKLIST = _refusal(
     "The printed checklist is that of the luminance procedure: a campaign of another method has none.",
     "Leave it out.",
 )
+RECALL_OUTDATED = _refusal(
+    409,
+    "The cause of a recall now finds other versions than when it was reviewed. Nothing was revoked.",
+    "Propose the recall again and review it.",
+)
 NO_CALIBRATION_IN_FORCE = _refusal(
     404,
     "No published version holds at that time for that camera, method and configuration; `detail` states what "

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping
+from typing import Literal
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.records import Record, about
@@ -17,6 +18,21 @@ class Comparison(Record):
     in_standard_uncertainties: float | None = about(
         "abs(difference) / u(difference); None if both values are exact."
     )
+
+
+class MeasuredChange(Record):
+    """Change of a measured luminance or reflectance under another calibration."""
+
+    change: Quantity | None  #: new / old - 1 [%]; None if it cannot be computed
+    #: "signal" if both calibrations were applied to the measured signal, dark signals included. "k_ratio" for
+    #: K_old / K_new - 1, used where only the coefficients are known; it is right for signals far above dark.
+    basis: Literal["signal", "k_ratio"] | None
+    why: str | None  #: None if there is a change; otherwise the sentence that states why there is none
+
+    @classmethod
+    def untold(cls, why: str) -> "MeasuredChange":
+        """Return no change, with the sentence that states why."""
+        return cls(change=None, basis=None, why=why)
 
 
 def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.0) -> Comparison:

@@ -78,6 +78,7 @@ SPEC: Final = MethodSpec(
         needs_scale=measurement.needs_scale,
         measure=measurement.measure,
         compute_map=maps.compute_map,
+        change=application.change_luminance,
         foresee=application.foresee_k,
         unforeseen=codes.F_NUMBER_NOT_CALIBRATED,
         rim_px=maps.RIM_PX,

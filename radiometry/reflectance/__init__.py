@@ -75,6 +75,7 @@ SPEC: Final = MethodSpec(
         measure_radiance=measurement.measure_radiance,
         scale_pixels=reflectance_method.scale_pixels,
         find_place=sun.find_place,
+        change=reflectance_method.change_reflectance,
     ),
     applied="band_fits",
     measure_light=sunshine.measure_sunshine,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.fitting.comparison import PERCENT
 from radiometry.fitting.evidence import (
     CoefficientValue,
     Extracted,
@@ -286,6 +287,37 @@ def _check_features(features: imaging.Features, value: float, noise: float) -> l
     if not 0.0 <= value <= 1.0:
         raised.append(codes.REFLECTANCE_OUT_OF_RANGE.at("", f"{value:.4g}."))
     return raised
+
+
+def change_reflectance(
+    old: Sequence[Coefficient],
+    new: Sequence[Coefficient],
+    *,
+    header: FrameHeader,
+    incidence_angle_deg: float | None = None,
+    common_u_rel: float = 0.0,
+) -> Quantity:
+    """Compute R_new / R_old - 1 of a frame measured with `old` and with `new`.
+
+    With the uncertainties relative to K [1]::
+
+        R = K I_sq / (I_ss cos(theta))      R_new / R_old = factor_new / factor_old
+        u(change)^2 = (R_new / R_old)^2 (u_old^2 + u_new^2 - 2 m^2)
+
+    The frame's signal is the same in both, and so is the error of its sunshine reading.
+
+    [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
+    """
+    factors = [
+        find_scale_of_frame(header, coefficients=each, incidence_angle_deg=incidence_angle_deg).factor
+        for each in (old, new)
+    ]
+    band = imaging.require_band(header).band
+    both = (choose_coefficient(each, band=band) for each in (old, new))
+    shares = [each.reflectance_k_standard_uncertainty / abs(each.reflectance_k) for each in both]
+    ratio = factors[1] / factors[0]
+    variance = shares[0] ** 2 + shares[1] ** 2 - 2.0 * common_u_rel**2
+    return Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * math.sqrt(max(0.0, variance)), PERCENT)
 
 
 def extract(

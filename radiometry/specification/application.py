@@ -80,6 +80,7 @@ class SurfaceApplication(Application):
     needs_scale: Function
     measure: Function
     compute_map: Function
+    change: Function
     #: `(coefficients, *, iso) -> float`, the standard uncertainty of the headline coefficient at an f-number
     #: that was not calibrated, in its unit
     foresee: Function
@@ -108,6 +109,7 @@ class BandApplication(Application):
     measure_radiance: Function
     scale_pixels: Function
     find_place: Function  #: `(header, conditions) -> Place`, where the pixels of a frame lie on the ground
+    change: Function
 
 
 class PictureApplication(Application):

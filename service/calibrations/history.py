@@ -1,21 +1,26 @@
-"""Effect of publishing a version, and the decisions until now."""
+"""Effect of publishing a version, the decisions until now, and recalls of all versions with one cause."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
+from pydantic import ConfigDict, model_validator
+from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from radiometry.fitting.comparison import Comparison
 from service.calibrations import schemas
 from service.documents.issuing import build_issued, gather
-from service.http import auth, lookup, operations
+from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
-from service.http.models import Answer, Instant, Method, Quantity, maybe, told
-from store.impact import CoefficientChange, Impact, Touched, assess, find_in_force
+from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text, maybe, told
+from service.http.paging import Page, UsesPaging
+from store import impact as recalls
+from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
 from store.measuring.comparison import Reference
 from store.publications import InForce
-from store.queries.calibrations import Decision, list_decisions, list_lifetimes
+from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
-from store.tables import Calibration, Camera, CoefficientRow, utc_now
+from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall, utc_now
 
 
 class VersionNamed(Answer):
@@ -37,7 +42,7 @@ class VersionInForce(VersionNamed):
 
 
 class TouchedMeasurement(Answer):
-    """A measurement that was made with the version."""
+    """A measurement that was made with the version, and what its successor would make of it."""
 
     measurement_id: str
     frame_id: str
@@ -45,12 +50,18 @@ class TouchedMeasurement(Answer):
     taken_at: str | None = maybe("As the frame says it.")
     iso: float | None = None
     successor: VersionNamed | None = maybe("In force when the frame was taken. Absent where none is.")
+    change: Quantity | None = maybe("Of the luminance, L_new / L_old - 1, or of the reflectance; in %.")
+    basis: Literal["signal", "k_ratio"] | None = maybe(
+        "`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1."
+    )
+    why: str | None = maybe("Why there is no change to tell.")
 
     @classmethod
     def of(cls, row: Touched) -> "TouchedMeasurement":
         successor = VersionNamed.of(row.successor) if row.successor else None
-        said = {"measurement_id": row.measurement.id, "frame_id": row.frame.id}
-        return cls.restate(row.frame.header or {}, row.frame, successor=successor, **said)
+        change = row.change if row.change and row.change.change else None
+        said = {"measurement_id": row.measurement.id, "frame_id": row.frame.id, "why": row.why}
+        return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
 
 
 class RevocationAnswer(schemas.CalibrationAnswer):
@@ -101,7 +112,7 @@ class ImpactAnswer(Answer):
     flags_gained: list[FlagAt]
     flags_lost: list[FlagAt]
     measurements: list[TouchedMeasurement] = told(
-        "Made with the version in force, which this one would replace."
+        "Made with the version in force; what this one would make of each."
     )
     warnings: list[schemas.Gap] = told(
         "What its certificate would lack, published with your key.", default=[]
@@ -122,6 +133,75 @@ class ImpactAnswer(Answer):
             flags_lost=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_lost],
             measurements=[TouchedMeasurement.of(each) for each in impact.measurements],
         )
+
+
+_CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
+
+
+class NewCause(Form):
+    """The cause of a recall: exactly one of these fields."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
+
+    meter_id: Text | None = None
+    meter_certificate_number: Text | None = maybe("The certificate number when a version was made.")
+    software: Text | None = maybe("The fit code version, `software.stilb` of a version.")
+    recorder: Text | None = maybe("Recorder of the campaign, now or before.")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> "NewCause":
+        if len(self.named()) != 1:
+            raise ValueError(f"give exactly one of {', '.join(_CAUSES)}")
+        return self
+
+    def named(self) -> dict[str, str]:
+        """The one cause, as it is kept."""
+        return self.model_dump(exclude_none=True)
+
+
+class NewPurge(Form):
+    cause: NewCause
+    reason: LongText
+
+
+class CondemnedVersion(
+    Answer, restates=(Calibration, VersionStatus), fields="camera_id method version valid_from valid_to"
+):
+    calibration_id: str
+    camera: str = told("Make, model and serial number.")
+    state: VersionState
+    in_force: bool = told("Whether it is in force for any time, as known now: `valid_from` to `valid_to`.")
+    measurements: list[TouchedMeasurement] = told(
+        "Made with it. The successor of each is a version that the recall does not revoke."
+    )
+
+    @classmethod
+    def of(cls, row: Condemned) -> "CondemnedVersion":
+        camera = row.camera
+        return cls.restate(
+            row.calibration,
+            row.status,
+            calibration_id=row.calibration.id,
+            camera=f"{camera.make} {camera.model} {camera.serial}",
+            in_force=row.status.valid_from is not None,
+            measurements=[TouchedMeasurement.of(each) for each in row.measurements],
+        )
+
+
+class PurgeAnswer(
+    Answer,
+    restates=Recall,
+    fields="id cause reason calibration_ids created_by created_at confirmed_by confirmed_at",
+):
+    state: Literal["proposed", "confirmed"]
+    cause: dict[str, str]
+    calibration_ids: list[str] = told("The versions under review, which confirming revokes.")
+    versions: list[CondemnedVersion] | None = maybe("Their current status. Absent in a list.")
+
+    @classmethod
+    def of(cls, row: Recall, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
+        versions = None if condemned is None else [CondemnedVersion.of(each) for each in condemned]
+        return cls.restate(row, state="confirmed" if row.confirmed_at else "proposed", versions=versions)
 
 
 class DecisionAnswer(Answer, restates=Decision, without="calibration"):
@@ -202,3 +282,55 @@ def get_camera_validity(
     return schemas.ValidityAnswer(
         known_at=known, items=[schemas.LifetimeAnswer.of(row, names) for row in found]
     ).respond()
+
+
+recalls_router = operations.Router(prefix="/v1/recalls", tags=["recalls"])
+
+
+@recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=answers.problems(404))
+def propose_recall(body: NewPurge, caller: auth.Publisher, writing: changes.Writes) -> Response:
+    """Find every version made with a cause, for review. Nothing is revoked yet."""
+
+    def change(session: Session) -> changes.Reply:
+        if body.cause.meter_id is not None:
+            lookup.owned(session, Meter, body.cause.meter_id, caller)
+        recall = recalls.propose(
+            session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
+        )
+        location = {"Location": f"/v1/recalls/{recall.id}"}
+        return changes.Reply(status=201, body=_whole(session, recall), headers=location)
+
+    return writing.run(caller, change)
+
+
+@recalls_router.get("", response_model=Page[PurgeAnswer])
+def list_recalls(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
+    """List the recalls of your organisation, newest first."""
+    rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return paging.send(
+            session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True
+        )
+
+
+@recalls_router.get("/{recall_id}", response_model=PurgeAnswer)
+def get_recall(recall_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+    """Return a recall with the current status of its versions, and the measurements that they affect."""
+    with context.database.reading() as session:
+        return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
+
+
+@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=answers.problems(409))
+def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, writing: changes.Writes) -> Response:
+    """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
+
+    def change(session: Session) -> changes.Reply:
+        recall = lookup.owned(session, Recall, recall_id, caller)
+        recalls.confirm(session, recall, by=caller.key_id)
+        return changes.Reply(status=200, body=_whole(session, recall))
+
+    return writing.run(caller, change)
+
+
+def _whole(session: Session, recall: Recall) -> PurgeAnswer:
+    return PurgeAnswer.of(recall, recalls.review(session, recall))

@@ -214,7 +214,7 @@ def revoke_calibration(
 ) -> Response:
     """Revoke a version permanently. It stays readable; nothing takes its place automatically.
 
-    `measurements` are those made with it: they stay, flagged, with what is in force in its place.
+    `measurements` are those made with it: they stay, flagged, with what another version would make of each.
     """
 
     def change(session: Session) -> Reply:

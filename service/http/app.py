@@ -104,7 +104,7 @@ def _include_routers(app: FastAPI) -> None:
         *(measurements.comparisons_router, fleet.router, equipment.rigs_router, lists.router),
         *(measurements.router, report.router),
         *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
-        *(organisation.router, organisation.audit_router, history.router),
+        *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
         *(motion.router, tools.router),
         *PAGES,
     ):

@@ -5,13 +5,14 @@ from functools import cached_property
 from itertools import chain
 from typing import Any, Final, Literal
 
-from radiometry.findings import interface
+from radiometry.findings import InputRejected, interface
 from radiometry.fitting import comparison
 from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.specification.application import BandApplication, Summary, SurfaceApplication
 from radiometry.spectral import mismatch
 from store import codec, database
+from store.queries.frame_times import read_header
 from store.tables import Calibration, FrameRow, Measurement
 
 Reference = Literal["common", "separate", "unknown"]
@@ -50,6 +51,30 @@ def compare_panels(old: Calibration, new: Calibration) -> tuple[Reference, dict[
         return "separate", {}
     of_old, of_new = _panel_u_rel(old), _panel_u_rel(new)
     return "common", {band: min(of_old[band], of_new[band]) for band in of_old.keys() & of_new.keys()}
+
+
+def touch_band(
+    application: BandApplication,
+    measurement: Measurement,
+    frame: FrameRow,
+    old: Calibration,
+    new: Calibration,
+) -> comparison.MeasuredChange:
+    """The change of what was measured, or why there is no figure."""
+    if "index" in measurement.parameters:
+        return comparison.MeasuredChange.untold("An index changes with both of its bands: measure it again.")
+    band = str(measurement.result.get("band", ""))
+    try:
+        change = application.change(
+            codec.read_applied(old),
+            codec.read_applied(new),
+            header=read_header(frame, measurement.parameters.get("time_zone")),
+            incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
+            common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
+        )
+    except InputRejected as refusal:
+        return comparison.MeasuredChange.untold(refusal.message)
+    return comparison.MeasuredChange(change=change, basis="signal", why=None)
 
 
 def _panels(version: Calibration) -> set[tuple[str, str]]:

@@ -386,7 +386,7 @@ class ChecklistSignature(Audited, Base):
 
 
 class Recall(Audited, Base):
-    """All versions with one cause, revoked in one step by releases before 0.4: nothing adds a row."""
+    """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"
     __table_args__ = (CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", "who_and_when"),)
@@ -396,6 +396,7 @@ class Recall(Audited, Base):
     cause: Mapped[Json]
     reason: Mapped[str]
     calibration_ids: Mapped[list[Any]]
+    """What the review saw: confirming revokes these and refuses when the cause has found others since."""
     created_by: Mapped[str]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     confirmed_by: Mapped[str | None]

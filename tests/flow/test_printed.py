@@ -39,7 +39,7 @@ def field(installed, tmp_path_factory):
     return folder
 
 
-def test_every_command_from_a_first_calibration_to_its_revocation(embedded, installed, field):
+def test_every_command_from_a_first_calibration_to_its_recall(embedded, installed, field):
     """In one shell, as a reader goes from page to page; lines between the blocks set what a page names."""
     first, events = read_blocks("docs/http.md")
     lanes, lines = read_blocks("docs/measuring.md")
@@ -89,11 +89,14 @@ def test_every_command_from_a_first_calibration_to_its_revocation(embedded, inst
 
 
 def check_history(said):
-    still_open, ticked, impact, published, measurements, version, entries = said.splitlines()
+    still_open, ticked, impact, published, measurements, version, recall, confirmed, entries = (
+        said.splitlines()
+    )
     assert int(still_open) > int(json.loads(ticked)["open"])
     assert json.loads(impact)["against"]["version"] == 1
     assert json.loads(published)["state"] == "published"
-    assert (measurements, version) == ("[]", "2")
+    assert (measurements, version, confirmed) == ("[]", "2", "confirmed")
+    assert [v["state"] for v in json.loads(recall)["versions"]] == ["superseded", "revoked"]
     assert {"calibration.create"} <= {entry["action"] for entry in json.loads(entries)["items"]}
 
 

@@ -15,6 +15,7 @@ from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
+from radiometry.luminance.application import change_luminance
 from radiometry.luminance.maps import (
     RIM_PX,
     compute_map,
@@ -351,3 +352,14 @@ def test_a_fit_that_lacks_a_share_is_refused():
     with pytest.raises(InputRejected, match=f"No V of the region: frame {rows[0].frame}") as refused:
         fit(rows, params=CORRECTED)
     assert refused.value.code == "vignetting_not_calibrated"
+
+
+def test_versions_with_different_vignetting_are_not_compared():
+    def change(old, new, **more):
+        return change_luminance([old], [new], exposure=EXPOSURE, signal_dn=756.0, **more)
+
+    assert "different vignetting" in change(COEFFICIENT, WITH).why
+    darker = dataclasses.replace(WITH, dark_signal_dn=266.0, parameters=(30.0, 0.0), model="affine")
+    found = change(dataclasses.replace(WITH, parameters=(30.0, 10.0), model="affine"), darker, lens_share=0.5)
+    # 490 DN over a half, against 500 over a half less 10
+    assert found.change.value == pytest.approx(100 * (980 / 990 - 1))

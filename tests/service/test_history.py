@@ -42,11 +42,12 @@ def make_metered_version(house):
     return calibrate(house, metered_campaign(house, enter_meter(house)))
 
 
-def test_a_revoked_version_lists_its_measurements_with_the_next_version(house, pair):
+def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(house, pair):
     first, second = pair
     publish(house, first)
     frame = field_frame(house, first["campaign_id"])
     made = measure(house, frame, first)
+    again = measure(house, frame, second)
     publish(house, second)
     answer = revoke(house, first)
     assert answer["state"] == "revoked"
@@ -55,6 +56,17 @@ def test_a_revoked_version_lists_its_measurements_with_the_next_version(house, p
     assert (touched["frame_id"], touched["filename"]) == (frame["id"], frame["filename"])
     assert touched["taken_at"].startswith("2026-05-01T")
     assert touched["successor"] == {"calibration_id": second["id"], "version": 2}
+    assert touched["basis"] == "signal"
+    expected = 100 * (again["mean"]["value"] / made["mean"]["value"] - 1)
+    assert touched["change"]["value"] == pytest.approx(expected, rel=1e-9)
+    assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
+    assert touched["change"]["unit"] == "%"
+    # both hang on one certificate of 1 %, which scales them alike
+    k = [next(c for c in v["coefficients"] if c.get("f_number") == 4.0) for v in (first, second)]
+    squares = sum((c["standard_uncertainty"] / c["value"]) ** 2 for c in k) - 2 * 0.01**2
+    assert touched["change"]["standard_uncertainty"] == pytest.approx(
+        (100 + touched["change"]["value"]) * squares**0.5, rel=1e-9
+    )
     assert revoke(house, first)["measurements"] == answer["measurements"]
 
 
@@ -66,6 +78,19 @@ def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair, valid
     publish(house, second, valid_from, valid_to)
     (touched,) = revoke(house, first)["measurements"]
     assert "successor" not in touched
+    assert "change" not in touched
+    assert touched["why"] == "No other version is in force when the frame was taken."
+
+
+def test_a_successor_without_the_iso_has_no_figure(house, pair):
+    first, second = pair
+    publish(house, first)
+    measure(house, field_frame(house, first["campaign_id"], iso=6400), first)
+    publish(house, second)
+    (touched,) = revoke(house, first)["measurements"]
+    assert touched["successor"]["version"] == 2
+    assert "change" not in touched
+    assert "ISO 6400" in touched["why"]
 
 
 def test_nothing_in_force_says_so(house, pair):
@@ -109,6 +134,7 @@ def test_the_impact_names_every_change(house, pair):
     assert {"flag": "meter_repeatability_estimated", "where": "iso 6400"} in found["flags_lost"]
     (touched,) = found["measurements"]
     assert touched["measurement_id"] == made["id"]
+    assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
     publish(house, second)
     back = impact(house, first)
     assert back["isos_gained"] == [6400]

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from tests.support.campaigns import calibrate
+from tests.support.data import data_file
 from tests.support.every_method import (
     BANDS,
     PANEL_REFLECTANCE,
@@ -73,6 +74,40 @@ def test_another_panel_counts_in_both(sqlite_house, versions):
         assert row["change"]["value"] == pytest.approx(10.0, rel=1e-9)
         shares = [each["standard_uncertainty"] / each["value"] for each in (row["old"], row["new"])]
         assert row["change"]["standard_uncertainty"] == pytest.approx(110 * math.hypot(*shares), rel=1e-9)
+
+
+def test_a_measured_reflectance_changes_as_it_would_measured_anew(sqlite_house, versions):
+    campaign, first, tilted, other = versions
+    made = measure(sqlite_house, campaign, first)
+    for version in (tilted, other):
+        again = measure(sqlite_house, campaign, version)
+        (touched,) = impact(sqlite_house, version)["measurements"]
+        assert touched["measurement_id"] == made["id"]
+        assert touched["basis"] == "signal"
+        expected = 100 * (again["mean"]["value"] / made["mean"]["value"] - 1)
+        assert touched["change"]["value"] == pytest.approx(expected, rel=1e-9)
+        k = next(row for row in impact(sqlite_house, version)["coefficients"] if row["band"] == "green")
+        # of the ratio: that of K has the angle's cosine in it, which the measurement takes out again
+        shares = [
+            change["standard_uncertainty"] / (100 + change["value"])
+            for change in (touched["change"], k["change"])
+        ]
+        assert shares[0] == pytest.approx(shares[1], rel=1e-9)
+        assert "why" not in touched
+
+
+def test_a_band_that_the_other_version_lacks_is_said(sqlite_house, versions):
+    campaign, first, *_ = versions
+    measure(sqlite_house, campaign, first)
+    alone = sqlite_house.post("/v1/campaigns", {"camera_id": campaign["camera_id"], "method": "reflectance"})
+    region = {"polygon": [[600, 440], [680, 440], [680, 520], [600, 520]]}
+    sqlite_house.http.put(f"/v1/campaigns/{alone['id']}/roi", json=region)
+    red = GREEN.replace("GRE", "RED")
+    sqlite_house.upload(alone, data_file(f"sequoia/{red}").read_bytes(), role="panel", filename=red)
+    version = calibrate(sqlite_house, alone, panel_id=register_panel(sqlite_house)["id"])
+    (touched,) = impact(sqlite_house, version)["measurements"]
+    assert "change" not in touched
+    assert touched["why"].startswith("The frame shows band green; this calibration holds red.")
 
 
 def test_other_methods_are_compared_position_by_position(sqlite_house):

@@ -1,5 +1,6 @@
 """An organisation that has one of each thing that a path can name."""
 
+from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
@@ -35,4 +36,7 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
         "upload_id": begin_upload(house, version["campaign_id"], b"raw").rpartition("/")[2],
+        "recall_id": house.post("/v1/recalls", {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"})[
+            "id"
+        ],
     }

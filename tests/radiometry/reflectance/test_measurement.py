@@ -1,5 +1,6 @@
 """An index of two reflectances, a pixel's noise, and what another version would make of a reflectance."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -9,9 +10,12 @@ import pytest
 from radiometry.findings import InputRejected, Raised
 from radiometry.findings.grouping import advise
 from radiometry.fitting.evidence import Quantity
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.indices import compute, read_formula
 from radiometry.reflectance.measurement import estimate_noise, measure_index
+from radiometry.reflectance.method import change_reflectance
 from radiometry.reflectance.results import AppliedReflectance, Doubt, Effect
+from tests.radiometry.reflectance.captures import READINGS, k_of, panel
 
 HAZY = Raised(flag="panel_once", where="", detail="Once.")
 
@@ -99,3 +103,26 @@ def test_a_region_without_three_neighbours_has_no_noise_to_see():
     scattered[::3, ::3] = True
     assert estimate_noise(np.random.default_rng(1).normal(size=(8, 8)), scattered) == 0.0
     assert estimate_noise(np.ones((2, 2)), np.ones((2, 2), dtype=bool)) == 0.0
+
+
+def test_what_another_version_makes_of_a_reflectance_by_hand():
+    """K 10 % higher, so is R; 3 % and 4 % of uncertainty, of which 2 % are one panel's."""
+    rows = panel()
+    k = k_of(reflectance.fit(rows, READINGS, reflectance.Params())).coefficient
+    old, new = (
+        dataclasses.replace(
+            k,
+            reflectance_k=k.reflectance_k * factor,
+            reflectance_k_standard_uncertainty=k.reflectance_k * factor * u_rel,
+            knots=tuple(
+                dataclasses.replace(knot, reflectance_k=knot.reflectance_k * factor) for knot in k.knots
+            ),
+        )
+        for factor, u_rel in ((1.0, 0.03), (1.1, 0.04))
+    )
+    found = change_reflectance([old], [new], header=rows[0].header, common_u_rel=0.02)
+    assert (found.value, found.unit) == (pytest.approx(10.0), "%")
+    expected = 100 * 1.1 * math.sqrt(0.03**2 + 0.04**2 - 2 * 0.02**2)
+    assert found.standard_uncertainty == pytest.approx(expected)
+    same = change_reflectance([old], [old], header=rows[0].header, common_u_rel=0.03)
+    assert (same.value, same.standard_uncertainty) == (0.0, 0.0)

@@ -50,11 +50,12 @@ function gains({ isos_gained: plus, isos_lost: minus, flags_gained: raised, flag
   ];
 }
 
-/** Measurements that a version was used for. */
+/** Measurements that a version was used for, and what its successor would make of each. */
 function drawTouched(rows) {
   const columns = [
     { head: "Measurement", header: true, cell: (row) => h("a", { href: `/measurements/${row.measurement_id}` }, row.filename) },
-    { head: "In its place", cell: (row) => (row.successor ? `version ${row.successor.version}` : "none") },
+    { head: "Change", class: "number", cell: (row) => (row.change ? changeOf(row.change) : "–") },
+    { head: "", cell: (row) => row.why ?? (row.successor ? `by version ${row.successor.version}` : "") },
   ];
   return table(columns, rows.slice(0, 30), { caption: "Measurements made with it" });
 }

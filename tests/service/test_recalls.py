@@ -1,0 +1,178 @@
+"""Recalls by cause: everything made with it is found, looked at and revoked as one step."""
+
+import pytest
+
+from store import impact as recalls
+from store.software import FIT_CODE_VERSION
+from tests.support.campaigns import calibrate
+from tests.support.measuring import field_frame, measure
+from tests.support.meters import add_readings, enter_meter, metered_campaign
+
+pytestmark = pytest.mark.either_database
+
+APRIL = {"valid_from": "2026-04-01T00:00:00Z", "reason": "r"}
+
+
+def make_versions(house):
+    bad, good = enter_meter(house, serial="bad"), enter_meter(house, serial="good", number="D-K-9")
+    campaign = metered_campaign(house, bad)
+    first = calibrate(house, campaign)
+    house.post(f"/v1/calibrations/{first['id']}/publish", APRIL, status=200)
+    second = calibrate(house, campaign, model="affine")
+    third = calibrate(house, metered_campaign(house, good))
+    return {"bad": bad, "campaign": campaign, "by_bad": [first["id"], second["id"]], "by_good": third["id"]}
+
+
+@pytest.fixture
+def made(staged):
+    """Two versions by one meter, the first one published, and one by another meter."""
+    return staged(make_versions)
+
+
+def propose(house, cause, *, status=201):
+    return house.post("/v1/recalls", {"cause": cause, "reason": "meter fell"}, status=status)
+
+
+def confirm(client, recall):
+    return client.post(f"/v1/recalls/{recall['id']}/confirm")
+
+
+def states(house, ids):
+    return [house.get(f"/v1/calibrations/{each}")["state"] for each in ids]
+
+
+def test_recall_lists_versions_and_revokes_them_when_confirmed(house, made):
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert recall["state"] == "proposed"
+    assert [v["calibration_id"] for v in recall["versions"]] == made["by_bad"] == recall["calibration_ids"]
+    first, second = recall["versions"]
+    assert (first["state"], first["in_force"], first["valid_from"]) == (
+        "published",
+        True,
+        APRIL["valid_from"],
+    )
+    assert (second["state"], second["in_force"]) == ("draft", False)
+    assert first["camera"] == "DJI FC6520 0K1XE8"
+    assert states(house, made["by_bad"]) == ["published", "draft"]
+    key = house.post("/v1/keys", {"name": "reviewer", "scopes": ["publish"]})
+    with house.with_key(key["secret"]) as reviewer:
+        confirmed = confirm(reviewer, recall).json()
+    assert confirmed["state"] == "confirmed"
+    assert confirmed["created_by"] == recall["created_by"] != confirmed["confirmed_by"] == key["id"]
+    assert [v["state"] for v in confirmed["versions"]] == ["revoked", "revoked"]
+    assert [v["in_force"] for v in confirmed["versions"]] == [False, False]
+    assert states(house, [made["by_good"]]) == ["draft"]
+    reason = house.get(f"/v1/calibrations/{made['by_bad'][0]}")["revoked_reason"]
+    assert reason == f"meter fell (recall {recall['id']})"
+    assert house.get(f"/v1/recalls/{recall['id']}") == confirmed
+    (listed,) = house.get("/v1/recalls")["items"]
+    assert listed == {name: value for name, value in confirmed.items() if name != "versions"}
+
+
+def test_what_goes_with_it_is_no_successor(house, made):
+    frame = field_frame(house, made["campaign"]["id"])
+    measured = measure(house, frame, {"id": made["by_bad"][1]})
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert recall["versions"][0]["measurements"] == []
+    (touched,) = recall["versions"][1]["measurements"]
+    assert touched["measurement_id"] == measured["id"]
+    assert "successor" not in touched
+    # between the two of the recall, a version that stays takes the frame's day
+    day = {"valid_from": "2026-05-01T00:00:00Z", "valid_to": "2026-05-02T00:00:00Z", "reason": "r"}
+    house.post(f"/v1/calibrations/{made['by_good']}/publish", day, status=200)
+    (touched,) = house.get(f"/v1/recalls/{recall['id']}")["versions"][1]["measurements"]
+    assert touched["successor"]["calibration_id"] == made["by_good"]
+
+
+def test_confirming_again_changes_nothing(house, made):
+    recall = propose(house, {"meter_id": made["bad"]})
+    first = confirm(house.http, recall).json()
+    again = confirm(house.http, recall)
+    assert (again.status_code, again.json()) == (200, first)
+
+
+def test_a_meter_replaced_after_the_fit_is_found(house, made):
+    for reading in house.get(f"/v1/campaigns/{made['campaign']['id']}/readings", limit=1000)["items"]:
+        assert house.http.delete(f"/v1/readings/{reading['id']}").status_code == 200
+    other = enter_meter(house, serial="third")
+    add_readings(house, made["campaign"], other)
+    fourth = calibrate(house, made["campaign"])
+    assert propose(house, {"meter_id": made["bad"]})["calibration_ids"] == made["by_bad"]
+    assert propose(house, {"meter_id": other})["calibration_ids"] == [fourth["id"]]
+
+
+def test_a_certificate_replaced_after_the_fit_is_found(house, made):
+    enter_meter(house, serial="bad", number="D-K-2")
+    fourth = calibrate(house, made["campaign"])
+    assert propose(house, {"meter_certificate_number": "D-K-1"})["calibration_ids"] == made["by_bad"]
+    assert propose(house, {"meter_certificate_number": "D-K-2"})["calibration_ids"] == [fourth["id"]]
+    assert propose(house, {"meter_certificate_number": "D-K-9"})["calibration_ids"] == [made["by_good"]]
+
+
+def test_all_that_a_version_of_the_software_fitted_is_found(house, made):
+    found = propose(house, {"software": FIT_CODE_VERSION})["calibration_ids"]
+    assert found == [*made["by_bad"], made["by_good"]]
+    assert propose(house, {"software": "0.0.9"})["versions"] == []
+
+
+def test_a_recorder_is_found_under_a_name_that_was_corrected_since(house, made):
+    for name in ("A. Meier", "B. Schulz"):
+        body = {"recorder": name}
+        assert house.http.patch(f"/v1/campaigns/{made['campaign']['id']}", json=body).status_code == 200
+    for name in ("A. Meier", "B. Schulz"):
+        assert propose(house, {"recorder": name})["calibration_ids"] == made["by_bad"]
+    assert propose(house, {"recorder": "C. Weber"})["calibration_ids"] == []
+
+
+def test_what_has_been_found_since_refuses_the_confirmation(house, made):
+    recall = propose(house, {"meter_id": made["bad"]})
+    later = calibrate(house, made["campaign"], model="power")
+    refused = confirm(house.http, recall)
+    assert (refused.status_code, refused.json()["code"]) == (409, "recall_outdated")
+    assert "1 more, 0 fewer" in refused.json()["detail"]
+    assert states(house, [*made["by_bad"], later["id"]]) == ["published", "draft", "draft"]
+    assert confirm(house.http, propose(house, {"meter_id": made["bad"]})).status_code == 200
+    assert states(house, [*made["by_bad"], later["id"]]) == ["revoked"] * 3
+
+
+def test_all_are_revoked_or_none(house, made, monkeypatch):
+    recall = propose(house, {"meter_id": made["bad"]})
+    real, done = recalls.revoke, []
+
+    def fails_at_the_second(session, calibration, **given):
+        if done:
+            raise RuntimeError("the light went out")
+        done.append(calibration.id)
+        real(session, calibration, **given)
+
+    monkeypatch.setattr(recalls, "revoke", fails_at_the_second)
+    with pytest.raises(RuntimeError, match="the light went out"):
+        confirm(house.http, recall)
+    assert states(house, made["by_bad"]) == ["published", "draft"]
+    assert house.get(f"/v1/recalls/{recall['id']}")["state"] == "proposed"
+
+
+@pytest.mark.parametrize(
+    "cause", [{}, {"recorder": "A", "software": "1"}, {"meter": "x"}, {"recorder": ""}, {"recorder": None}]
+)
+def test_a_cause_is_exactly_one(house, cause):
+    assert propose(house, cause, status=422)["code"] == "validation_failed"
+
+
+def test_another_organisation_has_no_part_in_it(house, made, stranger):
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert stranger.get("/v1/recalls").json()["items"] == []
+    assert stranger.get(f"/v1/recalls/{recall['id']}").status_code == 404
+    assert confirm(stranger, recall).status_code == 404
+    body = {"cause": {"meter_id": made["bad"]}, "reason": "r"}
+    assert stranger.post("/v1/recalls", json=body).status_code == 404
+    body = {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"}
+    assert stranger.post("/v1/recalls", json=body).json()["versions"] == []
+
+
+def test_it_needs_the_scope_to_publish(house, made):
+    recall = propose(house, {"meter_id": made["bad"]})
+    key = house.post("/v1/keys", {"name": "reader", "scopes": ["read", "calibrate"]})
+    with house.with_key(key["secret"]) as reader:
+        assert confirm(reader, recall).json()["code"] == "scope_missing"
+        assert reader.get(f"/v1/recalls/{recall['id']}").status_code == 200
