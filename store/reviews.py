@@ -178,8 +178,16 @@ def _take(
         needs_region=row.role in fitted if spec.whole_frame else row.role not in applied,
         roles=fitted | applied,
         told=told,
+        lens=_name_lens(row),
         left_out=_explain_left_out(row, campaign),
     )
+
+
+def _name_lens(row: FrameColumns) -> str:
+    # each band of a multispectral camera has a lens of its own
+    if row.header is None or row.header.multispectral is not None:
+        return ""
+    return " ".join(filter(None, (row.header.lens_model, row.header.lens_serial)))
 
 
 def _explain_left_out(row: FrameColumns, campaign: Campaign) -> str:

@@ -129,6 +129,10 @@ FORMAT_DIFFERS = fail(
     "Width, height or colour filter differ from those of most other frames.",
     "Set the camera as for the others and take it again.",
 )
+LENS_DIFFERS = warn(
+    "The file names another lens than most frames of the campaign do.",
+    "Leave the frame out, or send it to a campaign of its own: what is calibrated holds for one lens.",
+)
 ROLE_UNUSED = warn(
     "The campaign's fit does not use frames of this role.",
     "Correct the role of the frame, or upload the file to its own campaign.",

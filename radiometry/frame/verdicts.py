@@ -112,6 +112,7 @@ class ReviewedFrame(Record, Keeping):
     needs_region: bool = True  #: False for a frame that is measured as a whole if no region is drawn
     roles: frozenset[str] = frozenset()  #: Roles that the method of its campaign uses; empty for all
     told: bool = True  #: False if what is photographed has not been described and the method needs it
+    lens: str = ""  #: Lens that the file names; "" if it names none
     left_out: str = ""  #: Why its campaign's method has no use for it; "" if it has
 
 
@@ -151,15 +152,19 @@ def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
 
 def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
     """Check frames of any role and method before their statistics are used."""
-    usual = find_usual_format(frames)
+    usual, lens = find_usual_format(frames), _find_usual_lens(frames)
     if all(frame.format in {usual, None} for frame in frames):
-        return {frame.frame: [*inspect_frame(frame)] for frame in frames}
+        return {frame.frame: [*_inspect_lens(frame, lens), *inspect_frame(frame)] for frame in frames}
     sharing: dict[Polygon | None, list[ReviewedFrame]] = {}
     for frame in frames:
         sharing.setdefault(frame.region, []).append(frame)
     by_region = {region: find_usual_format(group) for region, group in sharing.items()}
     return {
-        frame.frame: [*_inspect_format(frame, by_region[frame.region], usual), *inspect_frame(frame)]
+        frame.frame: [
+            *_inspect_format(frame, by_region[frame.region], usual),
+            *_inspect_lens(frame, lens),
+            *inspect_frame(frame),
+        ]
         for frame in frames
     }
 
@@ -175,7 +180,7 @@ def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
     Returns
     -------
     list of Reason
-        The reasons of `inspect_frames` except `format_differs`.
+        The reasons of `inspect_frames` except `format_differs` and `lens_differs`.
     """
     return frame.keep("reasons", None, _inspect, frame)
 
@@ -238,6 +243,23 @@ def _inspect_format(frame: ReviewedFrame, of_region: Format | None, usual: Forma
         "another picture size, crop or sensor mode. Set the camera as for the others and take it again."
     )
     return [shared.FORMAT_DIFFERS.reason(detail, outcome)]
+
+
+def _shows_lens(frame: ReviewedFrame) -> bool:
+    # a dark frame is the same behind any lens
+    return bool(frame.lens) and frame.role != "dark" and not frame.refusal and not frame.left_out
+
+
+def _find_usual_lens(frames: Sequence[ReviewedFrame]) -> str:
+    counts = Counter(frame.lens for frame in frames if _shows_lens(frame))
+    return min(counts, key=lambda lens: (-counts[lens], lens), default="")
+
+
+def _inspect_lens(frame: ReviewedFrame, usual: str) -> list[Reason]:
+    if frame.lens == usual or not _shows_lens(frame):
+        return []
+    detail = f"Its file names the lens {frame.lens}, most others name {usual}. {shared.LENS_DIFFERS.remedy}"
+    return [shared.LENS_DIFFERS.reason(detail)]
 
 
 def _inspect_region(frame: ReviewedFrame, width_px: int, height_px: int) -> list[Reason]:

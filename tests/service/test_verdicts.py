@@ -87,6 +87,7 @@ def test_every_fault_has_its_reason_and_no_other_frame_any(house, campaign):
     light(house, campaign, "level-1", 0, name="wrong.DNG", f_number=3.5, query={"scene": "level-2"})
     light(house, campaign, "level-1", 0, name="outside.DNG", f_number=3.6, query={"roi": OUTSIDE})
     light(house, campaign, "level-1", 0, name="other.DNG", f_number=3.7, serial="stranger")
+    light(house, campaign, "level-1", 0, name="lens.DNG", f_number=3.8, lens_serial="L2")
     dark(house, campaign, 9, name="lit.DNG", signal_dn=500.0)
     house.work()
     found = listed(house, campaign)
@@ -105,6 +106,7 @@ def test_every_fault_has_its_reason_and_no_other_frame_any(house, campaign):
         "wrong.DNG": ("warn", ["scene_doubtful"]),
         "outside.DNG": ("fail", ["roi_unfit"]),
         "other.DNG": ("fail", ["refused"]),
+        "lens.DNG": ("warn", ["lens_differs"]),
         "lit.DNG": ("fail", ["dark_not_dark"]),
     }
     assert {name: each["outcome"] for name, each in found.items() if name not in told} == {

@@ -26,12 +26,13 @@ def write_frame(
     seed: int = 1,
     shape: tuple[int, int] = (64, 96),
     taken_at: datetime = _TAKEN_AT,
+    **changes,
 ) -> Path:
     """A mosaic of black + signal with normal noise, rounded and clipped as a converter does."""
     noise = np.random.default_rng(seed).normal(BLACK + signal_dn, noise_dn, shape)
     mosaic = np.clip(np.rint(noise), 0, WHITE).astype(np.uint16)
     exposure = {"exposure_time_s": exposure_time_s, "f_number": f_number, "iso": iso}
-    return write_raw(path, mosaic, **exposure, serial=serial, taken_at=taken_at)
+    return write_raw(path, mosaic, **exposure, serial=serial, taken_at=taken_at, **changes)
 
 
 def write_raw(

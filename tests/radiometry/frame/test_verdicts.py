@@ -26,6 +26,23 @@ def formats(*frames):
     ]
 
 
+def test_another_lens_is_named_unless_it_was_covered():
+    lenses = ["15mm L1", "15mm L1", "25mm L2", "", "25mm L2"]
+    named = [
+        dataclasses.replace(FRAME, frame=str(n), lens=lens, role="dark" if n == 4 else "light")
+        for n, lens in enumerate(lenses)
+    ]
+    found = inspect_frames(named)
+    assert [[r.code for r in found[frame.frame]] for frame in named] == [
+        [],
+        [],
+        [shared.LENS_DIFFERS],
+        [],
+        [],
+    ]
+    assert "the lens 25mm L2, most others name 15mm L1" in found["2"][0].detail
+
+
 def reason(outcome, code=shared.UNEVEN):
     return Reason(code=code, outcome=outcome, detail="")
 
