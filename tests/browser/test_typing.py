@@ -114,6 +114,20 @@ def test_a_field_edits_one_reading_and_a_repeat_is_asked_for(page, team, service
     assert list(stored(team, campaign)) == ["Scene 1"]
 
 
+def test_what_is_typed_without_a_connection_is_stored_when_there_is_one(page, team, service):
+    campaign = begin(service, team)
+    come(page, campaign)
+    page.context.set_offline(True)
+    put(page, "Luminance of Scene 1 ", "54.4")
+    expect(head(page, "Scene 1")).to_contain_text("54.4 waits for a connection")
+    expect(page.get_by_label("Luminance of Scene 1 ")).to_have_value("54.4")
+    put(page, "Luminance of Scene 2 ", "23.1")
+    page.context.set_offline(False)
+    wait_until(lambda: stored(team, campaign) == {"Scene 1": [54.4], "Scene 2": [23.1]})
+    expect(head(page, "Scene 1")).not_to_contain_text("waits")
+    page.context.complaints.clear()
+
+
 def test_two_people_who_type_one_reading_are_told_of_each_other(page, team, service):
     campaign = begin(service, team)
     come(page, campaign)

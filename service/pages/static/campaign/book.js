@@ -1,6 +1,6 @@
 // The readings of a campaign, the organisation's meters, and how a typed value is recorded.
 
-import { post, send } from "../api.js";
+import { OFFLINE, newOnce, post, send } from "../api.js";
 import { done, fill, h, remember } from "../dom.js";
 import { counted } from "../format.js";
 import { groupBy, inOrder } from "../groups.js";
@@ -11,11 +11,17 @@ import { UNITS, readReading } from "./sheet.js";
 
 export const written = (unit) => unit.replace("m2", "m²");
 
+const RETRY_MS = 5000;
+const connection = () => new Promise((done) => {
+  addEventListener("online", done, { once: true });
+  setTimeout(done, RETRY_MS);
+});
+
 export class ReadingBook extends EventTarget {
   constructor(state) {
     super();
     Object.assign(this, { state, readings: [], byScene: new Map(), meters: [], unit: "cd/m2", meter_id: "", now: false, turns: new Turns(), turn: Promise.resolve() });
-    /** By scene, what was typed last: {undo}, {same}, {repeats} or {mine, theirs}. */
+    /** By scene, what was typed last: {undo}, {same}, {waits, of}, {repeats} or {mine, theirs}. */
     this.told = new Map();
   }
 
@@ -63,7 +69,7 @@ export class ReadingBook extends EventTarget {
 
   /**
    * What was typed takes the place of the reading that was `seen` in its field: null where there was none, undefined for a repeat.
-   * Answers what was recorded; of a value that another user has changed meanwhile both are shown. With a `reason` it is kept against its frames.
+   * Answers what was recorded; of a value that another user has changed meanwhile both are shown, and without a connection it waits for one. With a `reason` it is kept against its frames.
    */
   async put(scene, typed, seen, reason) {
     const text = typed.trim();
@@ -76,18 +82,30 @@ export class ReadingBook extends EventTarget {
     this.told.delete(scene);
     // a corrected figure was read with the same meter at the same time
     const reading = this.withMeter({ scene, ...read, ...(seen ? { meter_id: seen.meter_id, taken_at: seen.taken_at } : {}), reason });
-    try {
-      const [made] = await this.record([{ ...reading, ...(seen === undefined ? {} : { replaces: seen?.id ?? "" }) }]);
+    const once = newOnce();
+    const send = async () => {
+      const [made] = await this.record([{ ...reading, ...(seen === undefined ? {} : { replaces: seen?.id ?? "" }) }], once);
       const undo = () => (seen ? this.putBack(seen, made) : this.withdraw(made));
       remember(undo);
       this.tell(scene, { undo });
       return made;
-    } catch (error) {
-      if (error.code !== "changed_meanwhile") throw error;
-      await this.refresh();
-      this.tell(scene, { mine: text, theirs: error.message });
-      return null;
+    };
+    while (!this.state.left) {
+      try {
+        return await send();
+      } catch (error) {
+        if (error.code === OFFLINE.code) {
+          if (!this.told.get(scene)?.waits) this.tell(scene, { waits: text, of: seen?.id });
+          await connection();
+          continue;
+        }
+        if (error.code !== "changed_meanwhile") throw error;
+        await this.refresh();
+        this.tell(scene, { mine: text, theirs: error.message });
+        return null;
+      }
     }
+    return null;
   }
 
   /** An earlier reading takes the place of the one that had taken its own. */
@@ -100,8 +118,8 @@ export class ReadingBook extends EventTarget {
     return { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}), ...(reason ? { reason } : {}) };
   }
 
-  async record(readings) {
-    const { items } = await post(`${this.state.path}/readings`, readings);
+  async record(readings, once) {
+    const { items } = await post(`${this.state.path}/readings`, readings, { once });
     for (const { scene } of readings) this.told.delete(scene);
     await this.change();
     return items;

@@ -38,7 +38,7 @@ function look(book, scene) {
 
 function extraHeight(book, scene) {
   const { fields, told, before, doubt } = look(book, scene);
-  const second = told?.undo ? fields.length > 1 : told?.same || before;
+  const second = told?.undo ? fields.length > 1 : told?.same || told?.waits || before;
   return (fields.length - 1) * HEIGHTS.reading + (second ? HEIGHTS.line : 0) + (told?.theirs || doubt ? HEIGHTS.note : 0);
 }
 
@@ -60,14 +60,16 @@ function sceneHead(row, book, { menu }) {
       can && items.length && !told?.repeats ? repeat() : null,
       told?.undo && can ? h("span", { role: "status" }, h("span", { class: "good" }, "Saved "), link("Undo", () => book.told.get(row.value) === told && take(told.undo))) : null),
     told?.same ? h("div", { class: "scene-line", role: "status" }, "The same as now", repeat(told.same)) : null,
-    before && !told?.undo && !told?.same ? h("div", { class: "scene-line" }, h("span", {}, "was ", h("s", {}, entered(before))), can ? link("Put back", () => book.putBack(before)) : null) : null,
+    told?.waits ? h("div", { class: "scene-line", role: "status" }, `${told.waits} waits for a connection`) : null,
+    before && !told?.undo && !told?.same && !told?.waits ? h("div", { class: "scene-line" }, h("span", {}, "was ", h("s", {}, entered(before))), can ? link("Put back", () => book.putBack(before)) : null) : null,
     told?.theirs ? conflict(row.value, book, told, items.at(-1)) : doubt ? doubted(book, doubt, items) : null,
   ];
 }
 
 function fieldOf(row, book, reading, place, doubt) {
   const unit = reading?.entered_unit ?? book.unit;
-  const text = reading ? number(reading.entered_value, DIGITS) : "";
+  const told = book.told.get(row.value);
+  const text = told?.waits && told.of === reading?.id ? told.waits : reading ? number(reading.entered_value, DIGITS) : "";
   const label = `Luminance of ${row.label} in ${written(unit)}${place > 1 ? `, reading ${place}` : ""}`;
   const input = may("calibrate")
     ? decimal({ class: doubt ? "bad" : reading || place ? "" : "due", value: text, placeholder: "0.00", "aria-label": label, "data-reading": row.value })
