@@ -1,4 +1,4 @@
-"""k and U in the rows of measurements; store.migrate writes all of them again"""
+"""k and U in the rows of series and in ready answers; store.migrate writes all of them again"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,8 +10,9 @@ depends_on = None
 
 
 def upgrade() -> None:
-    op.execute(sa.table("measured").delete())
+    for table in ("ready_cells", "ready_answer", "ready", "measured"):
+        op.execute(sa.table(table).delete())
 
 
 def downgrade() -> None:
-    op.execute(sa.table("measured").delete())
+    upgrade()

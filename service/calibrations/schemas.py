@@ -57,6 +57,9 @@ class Coefficient(
 
 
 class CoefficientInForce(Coefficient):
+    effective_dof: float | None = models.maybe("Of the standard uncertainty; absent if without limit.")
+    coverage_factor: float | None = models.maybe("For a coverage probability of 95 %.")
+    expanded_uncertainty: float | None = models.maybe("`coverage_factor` u; absent of `relative_only`.")
     uncertainty_scope: Scope | None = models.maybe(SCOPE_MEANING)
     calibration_id: str
     version: int

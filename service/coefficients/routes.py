@@ -94,8 +94,8 @@ def _choose(wanted: Wanted, chosen: dict[str, Any], held: lookups.Held) -> list[
         if _is_at(item, at):
             found.append(item)
         elif "f_number" not in item and rows.key_of(item) not in there:
-            u = foreseen.get(str(place))
-            found.append(item if u is None else _foresee(item, wanted.method, at, u))
+            there_u = foreseen.get(str(place))
+            found.append(item if there_u is None else _foresee(item, wanted.method, at, there_u))
     return found
 
 
@@ -104,13 +104,15 @@ def _is_at(item: dict[str, Any], f_number: float) -> bool:
     return "f_number" in item and math.isclose(item["f_number"], f_number, rel_tol=_SAME_F_NUMBER_REL)
 
 
-def _foresee(item: dict[str, Any], method: str, f_number: float, u: float) -> dict[str, Any]:
+def _foresee(
+    item: dict[str, Any], method: str, f_number: float, uncertainty: dict[str, float]
+) -> dict[str, Any]:
     application = get_method(method).application
     assert isinstance(application, SurfaceApplication)  # noqa: S101  of no other is u foreseen
     flag = str(application.unforeseen)
     return item | {
         "f_number": f_number,
-        "standard_uncertainty": u,
+        **uncertainty,
         "flags": [*item["flags"], flag],
         "why": f"{item['why']}; f/{f_number:g} was not calibrated: the value is that of the ISO "
         "value, and its uncertainty contains that of a nominal f-number",

@@ -151,6 +151,9 @@ class SeriesRow(models.Answer):
     valid_to: Annotated[models.Instant | None, Field(json_schema_extra=_NULL)] = None
     campaign_id: str
     computed_at: models.Instant = models.told("When the version was fitted.")
+    effective_dof: _Number = None
+    coverage_factor: _Number = None
+    expanded_uncertainty: _Number = None
 
 
 _NEXT = models.maybe("Where the next rows are. Absent where none are left.")

@@ -12,9 +12,11 @@ from pydantic_core import to_json
 from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session
 
+from radiometry.fitting.curve import coverage_factor
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from store.codec import read_applied
+from store.queries.calibration_record import state_coefficients
 from store.queries.frame_times import Zones, read_frame_time
 from store.tables import (
     Base,
@@ -77,9 +79,13 @@ def _write(value: Value) -> str:
     return value if _PLAIN.fullmatch(value) else '"' + value.replace('"', '""') + '"'
 
 
-_ITEM = ("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model")
+_ITEM = (
+    *("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model"),
+    "flags",
+)
 
 
+_COVERAGE = ("effective_dof", "coverage_factor", "expanded_uncertainty")
 _PUBLISHED = ("slot_id", "valid_from", "valid_to", "known_from", "known_to")
 _CALIBRATED = ("organisation_id", "camera_id", "campaign_id", "method", "version")
 
@@ -128,10 +134,12 @@ def make_ready(
         "computed_at": calibration.created_at,
         "coefficients": len(coefficients),
     }
-    records = _write_records(publication, calibration, coefficients)
+    figures = [{name: getattr(row, name) for name in _ITEM} for row in coefficients]
+    stated = state_coefficients(calibration.method, calibration.result, figures)
+    records = _write_records(publication, calibration, stated)
     return {
         ReadyRow: ready,
-        ReadyAnswer: _write_answer(publication, calibration, coefficients),
+        ReadyAnswer: _write_answer(publication, calibration, stated),
         ReadyCells: {"publication_id": publication.id, "cells": records},
     }
 
@@ -143,7 +151,7 @@ def close_ready(session: Session, publication: Publication) -> None:
 
 
 def _write_answer(
-    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+    publication: Publication, calibration: Calibration, stated: list[dict[str, Any]]
 ) -> dict[str, Any]:
     why = (
         f"{describe_validity(calibration.version, publication)}, known since "
@@ -153,18 +161,12 @@ def _write_answer(
         "calibration_id": calibration.id,
         "version": calibration.version,
         "valid_from": write_instant(publication.valid_from),
-        "valid_to": write_instant(publication.valid_to) if publication.valid_to else None,
+        **({"valid_to": write_instant(publication.valid_to)} if publication.valid_to else {}),
         "why": why,
     }
-    spec = get_method(calibration.method)
-    items: list[dict[str, Any]] = []
-    for row in coefficients:
-        scope = spec.find_scope(row.name, row.flags)
-        item = {name: getattr(row, name) for name in _ITEM}
-        item |= {"flags": row.flags, "uncertainty_scope": scope, **more}
-        items.append({name: value for name, value in item.items() if value is not None})
+    items = [each | more for each in stated]
     content = to_json(items)
-    foreseen = _foresee(calibration, coefficients)
+    foreseen = _foresee(calibration, stated)
     general = {key_of(item) for item in items if "f_number" not in item}
     return {
         "publication_id": publication.id,
@@ -175,9 +177,7 @@ def _write_answer(
     }
 
 
-def _write_records(
-    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
-) -> str:
+def _write_records(publication: Publication, calibration: Calibration, stated: list[dict[str, Any]]) -> str:
     """Write the rows of a series of coefficients, a line each, without the camera and its names."""
     ended = write_instant(publication.valid_to) if publication.valid_to else None
     tail = (
@@ -187,13 +187,14 @@ def _write_records(
     return "\n".join(
         write_record(
             (
-                *(calibration.method, calibration.version, calibration.id, row.name, float(row.value)),
-                *(float(row.standard_uncertainty), row.unit),
-                *(None if each is None else float(each) for each in (row.iso, row.f_number)),
-                *(row.band, row.channel, row.model, " ".join(row.flags), *tail),
+                *(calibration.method, calibration.version, calibration.id, row["name"]),
+                *(float(row["value"]), float(row["standard_uncertainty"]), row["unit"]),
+                *(float(row[name]) if name in row else None for name in ("iso", "f_number")),
+                *(row.get("band"), row.get("channel"), row["model"], " ".join(row["flags"]), *tail),
+                *(row.get(name) for name in _COVERAGE),
             )
         )
-        for row in coefficients
+        for row in stated
     )
 
 
@@ -202,18 +203,27 @@ def key_of(item: dict[str, Any]) -> tuple[object, ...]:
     return tuple(item.get(name) for name in ("name", "iso", "band", "channel", "model"))
 
 
-def _foresee(calibration: Calibration, coefficients: list[CoefficientRow]) -> str | None:
-    """Return the standard uncertainty of each general headline coefficient at an uncalibrated f-number."""
+def _foresee(calibration: Calibration, stated: list[dict[str, Any]]) -> str | None:
+    """Return the uncertainty of each general headline coefficient at an uncalibrated f-number."""
     spec = get_method(calibration.method)
     general = [
         (place, row)
-        for place, row in enumerate(coefficients)
-        if row.f_number is None and row.name == spec.coefficients[0].name
+        for place, row in enumerate(stated)
+        if "f_number" not in row and row["name"] == spec.coefficients[0].name
     ]
     if not general or not isinstance(spec.application, SurfaceApplication):
         return None
     applied = read_applied(calibration)
-    return json.dumps({place: spec.application.foresee(applied, iso=row.iso) for place, row in general})
+    found: dict[int, dict[str, float]] = {}
+    for place, row in general:
+        u = spec.application.foresee(applied, iso=row["iso"])
+        found[place] = {"standard_uncertainty": u}
+        if "effective_dof" in row:
+            # what an f-number adds is not estimated (JCGM 100, G.4.1)
+            dof = row["effective_dof"] * (u / row["standard_uncertainty"]) ** 4
+            k = coverage_factor(dof)
+            found[place] |= {"effective_dof": dof, "coverage_factor": k, "expanded_uncertainty": k * u}
+    return json.dumps(found)
 
 
 _PIXELS = ("mean", "min", "max", "median")
@@ -221,7 +231,6 @@ _RATIOS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", 
 _PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _SHARES = ("below_zero_share", "above_one_share")
 _LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
-_COVERAGE = ("effective_dof", "coverage_factor", "expanded_uncertainty")  # of the mean, in its unit
 _PERCENTS = (5, 10, 90, 95)
 _BODY = ("make", "model_name", "serial")
 

@@ -238,7 +238,7 @@ def average_lanes(plane):
 def test_lanes_are_drawn_on_the_map_measured_and_saved(shown, plane, night):
     """With the keys alone; cells, their places and every file against values found by hand."""
     shown.get_by_role("button", name="Uncertainty").press("Enter")
-    expect(shown.locator(".map-bar")).to_contain_text("expanded uncertainty of the value, k = 2")
+    expect(shown.locator(".map-bar")).to_contain_text("expanded uncertainty of the value, 95 %")
     expect(shown.locator("#layer-notes")).to_contain_text("Vignetting is not corrected")
     shown.get_by_role("button", name="Draw a region").press("Enter")
     # the cells that were measured are there to be moved

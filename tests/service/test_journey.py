@@ -56,6 +56,10 @@ def test_a_campaign_becomes_coefficients_in_force(house, caplog):
     )["items"]
     assert [i["name"] for i in items] == ["luminance_k", "dark_signal_dn"]
     assert items[0]["value"] == ks[0]["value"]
+    stated = house.get(f"/v1/calibrations/{version['id']}/certificate.json")["coefficients"]
+    rows = house.get("/v1/series/coefficients")["rows"]
+    for name in ("effective_dof", "coverage_factor", "expanded_uncertainty"):
+        assert items[0].get(name) == stated[0].get(name) == rows[0][name]
     path = f"/v1/cameras/{camera}/coefficients"
     wanted = {"method": "luminance", "iso": 3200, "name": "luminance_k", "at": "2026-06-01T00:00:00Z"}
     (there,) = house.get(path, f_number=5.6, **wanted)["items"]
@@ -67,6 +71,10 @@ def test_a_campaign_becomes_coefficients_in_force(house, caplog):
     assert elsewhere["standard_uncertainty"] == pytest.approx(
         math.hypot(ks[0]["standard_uncertainty"], 2 * u_f_rel * ks[0]["value"])
     )
+    if "expanded_uncertainty" in stated[0]:
+        assert elsewhere["effective_dof"] > stated[0]["effective_dof"]
+        expanded = elsewhere["coverage_factor"] * elsewhere["standard_uncertainty"]
+        assert elsewhere["expanded_uncertainty"] == pytest.approx(expanded)
     assert "version 1 is in force from 2026-05-01T00:00:00Z on" in items[0]["why"]
 
 

@@ -9,10 +9,12 @@ from store.publications import InForce, overlaps
 from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Slot
 from tests.radiometry.coefficients import COEFFICIENT
 
+NOTHING = {"iso_fits": [], "points": [], "scenes": [], "flags": [], "tolerance_rel": 0.04, "passed": True}
+
 
 def bare_version(campaign: Campaign, number: int, *, created_by: str = "test", **columns) -> Calibration:
     """A version of a campaign, not yet added, that says nothing of how it came about."""
-    nothing = {"configuration": {}, "parameters": {}, "inputs": {}, "result": {}, "software": {}}
+    nothing = {"configuration": {}, "parameters": {}, "inputs": {}, "result": NOTHING, "software": {}}
     return Calibration(
         organisation_id=campaign.organisation_id,
         camera_id=campaign.camera_id,
@@ -28,8 +30,10 @@ def bare_version(campaign: Campaign, number: int, *, created_by: str = "test", *
 
 def fitted_version(campaign: Campaign, number: int, *isos: float, **columns) -> Calibration:
     """A luminance version, not yet added, with a coefficient of each ISO value and no points."""
-    fits = [{"coefficient": encode(replace(COEFFICIENT, iso=iso))} for iso in isos]
-    result = {"iso_fits": fits, "points": [], "flags": [], "tolerance_rel": 0.04}
+    bare = {"models": [], "budget": [], "chi_squared_per_dof": 1.0, "birge_ratio": 1.0, "passed": True}
+    bare |= {"expected_k": 1.0, "largest_residual_rel": 0.0}
+    fits = [bare | {"coefficient": encode(replace(COEFFICIENT, iso=iso))} for iso in isos]
+    result = NOTHING | {"iso_fits": fits}
     made = {"result": result, "parameters": {"exclude": []}, "inputs": {"frames": []}}
     return bare_version(campaign, number, **made | columns)
 

@@ -23,10 +23,10 @@ export const named = (row, method = row.method) => h("span", { title: row.name }
 
 const MOST_HEADLINES = 4;
 
-/** The coefficient that a method is known for, each with U = 2 u, of which one that is relative only has none; those of one f-number stand on the page of their version. */
+/** The coefficient that a method is known for, each with U, of which one that is relative only has none; those of one f-number stand on the page of their version. */
 export function headlines({ method, rows }) {
   const found = rows.filter((row) => row.name === headlineOf(method) && row.f_number === null);
-  const stated = (row) => (row.flags.split(" ").includes("meter_certificate_missing") ? [quantity({ value: row.value, unit: row.unit }), " ", tag("relative only", "warn")] : quantity({ ...row, expanded_uncertainty: 2 * row.standard_uncertainty }, { expanded: true }));
+  const stated = (row) => (row.flags.split(" ").includes("meter_certificate_missing") ? [quantity({ value: row.value, unit: row.unit }), " ", tag("relative only", "warn")] : quantity(row, { expanded: row.expanded_uncertainty !== null }));
   const line = (row) => h("div", {}, h("span", { class: "muted" }, `${holdsFor({ ...row, channel: null })} `), stated(row));
   return [found.slice(0, MOST_HEADLINES).map(line), found.length > MOST_HEADLINES ? h("div", { class: "muted small" }, `and ${found.length - MOST_HEADLINES} more`) : null];
 }

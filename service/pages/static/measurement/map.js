@@ -46,7 +46,7 @@ function swatch([red, green, blue]) {
   return mark;
 }
 
-const LABEL = "% expanded uncertainty of the value, k = 2";
+const LABEL = "% expanded uncertainty of the value, 95 %";
 
 export function scaleTools(views) {
   const { unit } = views[0].map;

@@ -33,7 +33,7 @@ const columns = [
   { head: "In force", cell: ({ held }) => (held ? labelOf(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Coefficient ± U (k = 2)", cell: ({ held }) => (held ? headlines(held) : "") },
+  { head: "Coefficient ± U (95 %)", cell: ({ held }) => (held ? headlines(held) : "") },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 

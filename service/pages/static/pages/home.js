@@ -149,7 +149,7 @@ load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]
   return table(
     [{ head: "Camera", header: true, cell: (camera) => h("a", { href: `/cameras/${camera.id}` }, `${camera.model} ${camera.serial}`) }, ...columns, { head: "Oldest", class: "number", cell: (camera) => (oldest(camera) ? ago(oldest(camera)).replace(" ago", "") : h("span", { class: "muted" }, "none in force")) }],
     bodies.slice(0, AT_MOST),
-    { caption: "Versions in force, with U (k = 2)", stack: true },
+    { caption: "Versions in force, with U (95 %)", stack: true },
   );
 });
 
