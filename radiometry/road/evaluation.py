@@ -1,15 +1,83 @@
-"""Evaluation of a road."""
+"""Evaluation of a road: from luminances of points and readings of meters to figures and a verdict."""
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radiometry.road import codes
+from radiometry.road.field import Field, Rows, draw_fields, fit_model, select_rows, solve_field
 from radiometry.road.grid import GridPoint
-from radiometry.road.results import RoadResult
+from radiometry.road.judging import Found, flag_road
+from radiometry.road.observations import Places, gather, make_rows
+from radiometry.road.reporting import (
+    compare_control,
+    describe_grid,
+    find_judged,
+    report_points,
+    report_scales,
+    share_out,
+)
+from radiometry.road.results import Model, RoadResult
 from radiometry.road.site import Reading, Road, Scale
+from radiometry.road.verdict import compute_figures, find_worst, judge_classes, judge_road
+
+DRAWS = 4000
+# Of a reading against the map without it, in standard uncertainties; and the most that are dropped for it
+_DIFFERS, _MOST_DROPPED = 3.5, 0.25
 
 
 def evaluate_road(
     road: Road, points: Sequence[GridPoint], readings: Sequence[Reading], *, scale: Scale
 ) -> RoadResult:
-    """Evaluate a road from luminances of its grid and control points."""
-    raise codes.SITE_INVALID.refuse(f"Not yet: {road} {points} {readings} {scale}")
+    """Evaluate a road from luminances of its grid and control points, and the readings at the latter.
+
+    The field of ln E (see `radiometry.road.field`) is solved with all readings but those that a person left
+    out, and those that differ from the map made without them by more than 3.5 standard uncertainties; the
+    latter are flagged. Figures are medians of draws from its posterior with intervals of 95 %.
+    """
+    if road.conditions.surface == "wet":
+        raise codes.ROAD_WET.refuse("The road is stated to be wet.")
+    places = gather(road, points, readings)
+    rows = make_rows(road, places, scale)
+    model = fit_model(places.xy_m, rows, patches=road.conditions.patches_u_rel)
+    field, used = _solve(places, rows, model)
+    judged = find_judged(road, points)
+    means = np.exp(field.mean[: len(points)])
+    figures = compute_figures(road, points, judged, draw_fields(field, places=len(points), draws=DRAWS))
+    criteria = judge_road(road, figures)
+    control = compare_control(road, places, rows, field, used)
+    lit = describe_grid(points, judged, places)
+    scales = report_scales(places, rows, field)
+    found = Found(road, scale, places, rows, field, used, control, scales, lit)
+    light = means[judged] / means[judged].sum()
+    lowest = np.arange(len(judged)) == np.argmin(means[judged])
+    return RoadResult(
+        verdict=find_worst(criteria),
+        as_found=road.requirement.maintenance_factor is None,
+        figures=tuple(each.result for each in figures),
+        criteria=criteria,
+        classes=judge_classes(road, figures),
+        points=report_points(points, places, field),
+        minimum=points[int(judged[lowest][0])].name,
+        control=control,
+        scales=scales,
+        budget=share_out(field, judged, light),
+        budget_u_0=share_out(field, judged, lowest - light),
+        grid=lit,
+        model=model,
+        flags=flag_road(found),
+    )
+
+
+def _solve(places: Places, rows: Rows, model: Model) -> tuple[Field, NDArray[np.bool_]]:
+    """Solve without the readings that differ; return the rows that are used, too."""
+    used = np.ones(len(rows.values), np.bool_)
+    readings = int(np.sum(rows.is_reading))
+    while True:
+        field = solve_field(places.xy_m, select_rows(rows, used), model)
+        ratios = np.abs(field.left) / field.left_u * rows.is_reading[used]
+        dropped = len(used) - int(np.sum(used)) + 1
+        if not readings or ratios.max() <= _DIFFERS or dropped > _MOST_DROPPED * readings:
+            return field, used
+        used[np.flatnonzero(used)[int(ratios.argmax())]] = False

@@ -25,7 +25,7 @@ class FigureResult(Record):
         return (self.high - self.low) / 2.0
 
 
-class CriterionResult(Record):
+class CriterionResult(Record, kw_only=False):
     """A figure compared with its limit."""
 
     figure: str = about("Figure that is required.")

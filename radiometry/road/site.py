@@ -13,6 +13,7 @@ Quantity = Literal["illuminance", "luminance"]
 Figure = Literal["e_av", "e_min", "u_0", "average_to_min", "eir", "l_av", "u_o", "u_l", "f_ti"]
 
 LANES = "lanes"
+_NEIGHBOURS = 4
 
 
 class Row(Record):
@@ -77,10 +78,19 @@ class Site(Record):
     def lanes(self) -> tuple[Strip, ...]:
         return tuple(sorted((s for s in self.strips if s.kind == "lane"), key=lambda each: each.y_m))
 
+    def list_lamps(self) -> tuple[tuple[float, float, float], ...]:
+        """Return place and height of the luminaires that light the field, (x, y, height) [m]."""
+        return tuple(
+            (row.first_x_m + n * row.spacing_m, row.y_m, row.height_m)
+            for row in self.rows
+            for n in range(-_NEIGHBOURS, _NEIGHBOURS + 2)
+        )
+
     def find_surface(self, part: str) -> str:
-        """Return the pavement of a lane, walkway, edge or area."""
+        """Return the pavement of a lane, walkway, edge or area; inside an edge that of the lanes."""
         surfaces = {each.name: each.surface for each in self.strips}
-        return (surfaces | {each.name: each.surface for each in self.areas})[part]
+        surfaces |= {each.name: each.surface for each in self.areas}
+        return surfaces.get(part) or self.lanes[0].surface
 
 
 class Criterion(Record):
@@ -150,11 +160,18 @@ class ControlPoint(Record):
     part: str = about("Lane, walkway or area on which it lies; the nearest if empty.", default="")
     taken_at: str | None = about("RFC 3339.", default=None)
     left_out: str | None = about("Reason why a person left it out.", default=None)
-    u_rel: float = about("Relative standard uncertainty of one reading: level, place, repeat.", default=0.03)
+    u_rel: float = about("Relative standard uncertainty of a reading: level, place, repeat.", default=0.03)
 
     @property
     def ln_mean(self) -> float:
         return sum(map(math.log, self.values)) / len(self.values)
+
+    @property
+    def own_u(self) -> float:
+        """Relative standard uncertainty of the mean; not below what the readings scatter."""
+        count = len(self.values)
+        squares = sum((math.log(value) - self.ln_mean) ** 2 for value in self.values)
+        return max(self.u_rel, math.sqrt(squares / (count - 1) / count) if count > 1 else 0.0)
 
 
 class Road(Record):
@@ -192,3 +209,4 @@ class Scale(Record):
     meter_u_rel: float = 0.0
     spectral_u_rel: float = 0.1  #: Relative standard uncertainty of the spectral mismatch
     lamp_kind: LampKind | None = None  #: Of the lamp that K was made with
+    frame_u_rel: float = 0.0  #: Scatter of a frame's luminances as a whole, each on its own

@@ -1,0 +1,174 @@
+"""Observations of a road: luminances of its points over all frames, and readings at control points."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.road import codes
+from radiometry.road.field import ANGLE_U, Rows, find_angles
+from radiometry.road.grid import GridPoint
+from radiometry.road.site import ControlPoint, Reading, Road, Scale
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+UNCERTIFIED_U = 0.05
+"""Relative standard uncertainty of a meter without a certificate."""
+
+# Of the pavement, where its luminance factor is not stated: dark asphalt to light concrete
+_USUAL_RHO, _USUAL_RHO_U = 0.13, 0.4
+_LN_SLOPE_PER_M = 0.1  # Usual slope of ln E
+# Groups of lamps: least distance of their ln R/G, in itself and in what each scatters, and least share
+_APART, _APART_SCATTER, _LEAST_SHARE = 0.25, 4.0, 0.1
+
+
+class Seen(NamedTuple):
+    """Luminance of one place, over all frames."""
+
+    ln_luminance: float
+    own_u: float
+    frames: tuple[str, ...]
+    place_u_m: float
+    view_deg: float
+    ln_colour: float | None  # of R/G
+
+
+def average_frames(readings: Sequence[Reading]) -> dict[str, Seen]:
+    """Average the luminances of each place over the frames that see it."""
+    of_place: dict[str, list[Reading]] = defaultdict(list)
+    for each in readings:
+        if each.luminance_cd_m2 > 0.0:
+            of_place[each.place].append(each)
+    return {place: _average(found) for place, found in of_place.items()}
+
+
+def _average(found: Sequence[Reading]) -> Seen:
+    colours = [math.log(each.colour[0]) for each in found if each.colour is not None]
+    return Seen(
+        ln_luminance=float(np.mean([math.log(each.luminance_cd_m2) for each in found])),
+        own_u=math.sqrt(sum(each.u_rel**2 for each in found)) / len(found),
+        frames=tuple(each.frame for each in found),
+        place_u_m=max(each.place_u_m for each in found),
+        view_deg=max(each.view_deg for each in found),
+        ln_colour=float(np.mean(colours)) if colours else None,
+    )
+
+
+class Places(NamedTuple):
+    """Grid points and control points of a road, in this order, with what was seen of each."""
+
+    names: tuple[str, ...]
+    xy_m: Array
+    surfaces: tuple[str, ...]
+    angles: Array  # 1 - cos gamma
+    seen: tuple[Seen | None, ...]
+    lamps: NDArray[np.intp]  # group of lamps by colour
+
+
+def gather(road: Road, points: Sequence[GridPoint], readings: Sequence[Reading]) -> Places:
+    control = road.control
+    seen, hidden = average_frames(readings), set(road.hidden)
+    names = [each.name for each in points] + [each.name for each in control]
+    xy = np.array([(p.x_m, p.y_m) for p in points] + [(c.x_m, c.y_m) for c in control], np.float64)
+    nearest = [
+        points[int(np.argmin(np.sum((xy[: len(points)] - (c.x_m, c.y_m)) ** 2, axis=1)))].part
+        for c in control
+    ]
+    parts = [p.part for p in points] + [c.part or near for c, near in zip(control, nearest, strict=True)]
+    known = tuple(None if name in hidden else seen.get(name) for name in names)
+    if sum(each is not None for each in known[: len(points)]) < len(points) / 2:
+        raise codes.ROAD_NOT_SEEN.refuse("Less than half of the points of the grid are seen.")
+    return Places(
+        names=tuple(names),
+        xy_m=xy,
+        surfaces=tuple(road.site.find_surface(part) for part in parts),
+        angles=find_angles(xy, np.array(road.site.list_lamps())),
+        seen=known,
+        lamps=split_lamps([None if each is None else each.ln_colour for each in known]),
+    )
+
+
+def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
+    """Return the observations: luminances of all places that are seen, then the readings that are used."""
+    at = [n for n, each in enumerate(places.seen) if each is not None]
+    seen = [each for each in places.seen if each is not None]
+    first = len(places.names) - len(road.control)
+    read = [(first + n, each) for n, each in enumerate(road.control) if each.left_out is None]
+    rho = road.conditions.reflectance or _USUAL_RHO
+    flat = math.log(rho / math.pi)
+    is_luminance = np.array([each.quantity == "luminance" for _, each in read], np.bool_)
+    index = np.array(at + [n for n, _ in read], np.intp)
+    is_reading = np.arange(len(index)) >= len(at)
+    sees = np.concatenate([np.ones(len(at), np.bool_), is_luminance])
+    values = [each.ln_luminance for each in seen] + [each.ln_mean for _, each in read]
+    return Rows(
+        values=np.array(values) - np.where(sees, flat, 0.0),
+        places=index,
+        sees_pavement=sees,
+        is_reading=is_reading,
+        own_u=np.array(
+            [math.hypot(each.own_u, _LN_SLOPE_PER_M * each.place_u_m) for each in seen]
+            + [each.own_u for _, each in read]
+        ),
+        shared=_share_errors(road, places, scale, index, sees, [each for _, each in read]),
+    )
+
+
+def _share_errors(
+    road: Road,
+    places: Places,
+    scale: Scale,
+    index: Indices,
+    sees: NDArray[np.bool_],
+    read: Sequence[ControlPoint],
+) -> dict[str, Array]:
+    """Return the effect of one standard uncertainty of each error that rows share, (rows, levels)."""
+    count = len(index) - len(read)
+    by_camera = (np.arange(len(index)) < count).astype(np.float64)
+    frames = sorted({frame for each in places.seen if each is not None for frame in each.frames})
+    of_frames = np.zeros((len(index), len(frames)))
+    for row, each in enumerate(each for each in places.seen if each is not None):
+        for frame in each.frames:
+            of_frames[row, frames.index(frame)] = scale.frame_u_rel / len(each.frames)
+    stated = {each.meter: UNCERTIFIED_U if each.u_rel is None else each.u_rel for each in road.meters}
+    meters = sorted({each.meter for each in read} | ({scale.meter} if scale.meter else set()))
+    of_meters = np.zeros((len(index), len(meters)))
+    if scale.meter:
+        of_meters[:count, meters.index(scale.meter)] = scale.meter_u_rel
+    for row, point in enumerate(read, start=count):
+        of_meters[row, meters.index(point.meter)] = stated.get(point.meter, UNCERTIFIED_U)
+    conditions = road.conditions
+    rho_u = conditions.reflectance_u_rel if conditions.reflectance else _USUAL_RHO_U
+    pavements = sorted(set(places.surfaces))
+    of_pavement = np.array([[places.surfaces[n] == each for each in pavements] for n in index], np.float64)
+    groups = range(int(places.lamps.max()) + 1)
+    of_lamps = np.array([[places.lamps[n] == each for each in groups] for n in index], np.float64)
+    return {
+        "camera": scale.u_rel * by_camera[:, None],
+        "frames": of_frames,
+        "lamp spectrum": scale.spectral_u_rel * by_camera[:, None] * of_lamps,
+        "meter": of_meters,
+        "reflectance": -rho_u * sees[:, None] * of_pavement,
+        "angle": -ANGLE_U * (sees * places.angles[index])[:, None],
+    }
+
+
+def split_lamps(ln_colours: Sequence[float | None]) -> Indices:
+    """Return the group of lamps of each place by its ln R/G: 0, or 1 where two unlike lamps light a field."""
+    known = np.array(sorted(each for each in ln_colours if each is not None))
+    groups = np.zeros(len(ln_colours), np.intp)
+    least = max(2, math.ceil(_LEAST_SHARE * len(known)))
+    if len(known) < 2 * least:
+        return groups
+    cuts = range(least, len(known) - least + 1)
+    scatter = [known[:cut].var() * cut + known[cut:].var() * (len(known) - cut) for cut in cuts]
+    cut = cuts[int(np.argmin(scatter))]
+    apart = known[cut:].mean() - known[:cut].mean()
+    if apart < max(_APART, _APART_SCATTER * math.sqrt(min(scatter) / len(known))):
+        return groups
+    middle = (known[cut - 1] + known[cut]) / 2.0
+    return np.array([int(each is not None and each > middle) for each in ln_colours], np.intp)

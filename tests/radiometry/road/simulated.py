@@ -1,0 +1,177 @@
+"""Roads by other means than the product's: luminaires of a table of intensities, pavements with patches, a
+camera and a lux meter, each with errors that are known.
+
+    I(C, gamma)   a table every 5 degrees, a spline between them
+    E             = sum of I cos^3 gamma / H^2 over the luminaires
+    L             = rho / pi (1 + b1' (1 - cos gamma)) E, each lamp on its own, times the patch of the place
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from radiometry.road.grid import GridPoint, lay_points
+from radiometry.road.rules import find_rule
+from radiometry.road.site import (
+    Conditions,
+    ControlPoint,
+    Meter,
+    Reading,
+    Requirement,
+    Road,
+    Row,
+    Scale,
+    Site,
+    Strip,
+)
+
+EN = "EN 13201-2:2015"
+# luminance factors at nadir, from dark asphalt to light concrete
+PAVEMENTS = (0.07, 0.085, 0.10, 0.115, 0.13, 0.15, 0.18, 0.22)
+SCALE = Scale(u_rel=0.015, meter="K-meter", meter_u_rel=0.02, spectral_u_rel=0.1)
+
+
+@dataclasses.dataclass
+class Luminaire:
+    """Intensities of a street luminaire, (C, gamma) every 5 degrees [cd]; C = 0 along the road."""
+
+    table: np.ndarray
+
+    def __post_init__(self):
+        c, gamma = (np.arange(0.0, 5.0 * n, 5.0) for n in self.table.shape)
+        self.curve = RectBivariateSpline(c, gamma, self.table)
+
+    @classmethod
+    def draw(cls, random, lumen=33200.0):
+        """A wing to both sides along, thrown somewhat across, cut off towards the horizon."""
+        c, gamma = np.radians(np.arange(0, 365, 5))[:, None], np.radians(np.arange(0, 95, 5))[None]
+        peak, width = np.radians(random.uniform(48, 64)), np.radians(random.uniform(14, 22))
+        aim = np.radians(random.uniform(10, 25))
+        # C beyond 180 degrees is behind the luminaire
+        along = np.maximum(np.cos(c - aim), np.cos(np.pi - c - aim)).clip(0) ** random.uniform(1.5, 4)
+        wings = along * np.exp(-(((gamma - peak) / width) ** 2))
+        behind = np.where(np.sin(c) < -1e-9, random.uniform(0.3, 0.6), 1.0)
+        below = random.uniform(0.5, 1.0) * np.cos(gamma) ** 0.5
+        shape = (wings + below) * behind / (1 + np.exp((gamma - np.radians(78)) / 0.04))
+        solid = np.radians(5) ** 2 * np.sin(gamma)
+        return cls(shape * lumen * random.uniform(0.6, 0.8) / np.sum(shape[:-1] * solid))
+
+    def shine(self, x, y, height, *, turned):
+        """Illuminance at places from below the lamp, and cos gamma; `turned` lamps stand on the far side."""
+        y = -y if turned else y
+        away = np.hypot(x, y)
+        gamma = np.degrees(np.arctan2(away, height))
+        c = np.degrees(np.arctan2(y, x)) % 360
+        intensity = self.curve(c, gamma, grid=False)
+        cosine = height / np.hypot(away, height)
+        return intensity * cosine**3 / height**2, cosine
+
+
+@dataclasses.dataclass
+class Truth:
+    """A road with its true light."""
+
+    site: Site
+    luminaire: Luminaire
+    rho: float
+    b1: float
+    patches: float
+    lamp: float = 1.0  # shown over true luminance, by the lamp's spectrum
+
+    def light(self, xy):
+        """E [lx] and the luminance of a pavement without patches [cd/m2]."""
+        e, luminance = np.zeros(len(xy)), np.zeros(len(xy))
+        middle = np.mean([s.y_m + s.width_m / 2 for s in self.site.lanes])
+        for row in self.site.rows:
+            for n in range(-8, 10):
+                x = xy[:, 0] - row.first_x_m - n * row.spacing_m
+                part, cosine = self.luminaire.shine(
+                    x, xy[:, 1] - row.y_m, row.height_m, turned=row.y_m > middle
+                )
+                e += part
+                luminance += part * self.rho / math.pi * np.exp(-self.b1 * (1 - cosine))
+        return e, luminance
+
+
+def draw_road(random, *, patches=0.05, b1=None, lamp=1.0):
+    height = random.uniform(7, 10)
+    spacing = round(height * random.uniform(3.2, 4.5))
+    kind = random.choice(["one side", "opposite", "staggered"])
+    rows = [Row(y_m=-1.0, height_m=height, spacing_m=spacing)]
+    if kind != "one side":
+        first = 0.0 if kind == "opposite" else spacing / 2
+        rows.append(Row(y_m=8.0, height_m=height, spacing_m=spacing, first_x_m=first))
+    lanes = tuple(Strip(name=str(n + 1), kind="lane", y_m=3.5 * n, width_m=3.5) for n in range(2))
+    site = Site(rows=tuple(rows), strips=lanes)
+    b1 = random.uniform(-0.3, 0.3) if b1 is None else b1
+    return Truth(site, Luminaire.draw(random), random.choice(PAVEMENTS), b1, patches, lamp)
+
+
+def place_points(points: tuple[GridPoint, ...], count):
+    """Every other one half below and half between the lamps, on both lanes."""
+    x = sorted({p.x_m for p in points})
+    y = sorted({p.y_m for p in points})
+    near = [0, 1, len(x) - 2, len(x) - 1]
+    middle = [len(x) // 2 + n for n in (-2, -1, 0, 1)]
+    chosen = []
+    for n in range(count):
+        cols = (near, middle)[n % 2]
+        chosen.append((x[cols[(n // 2) % 4]] + 0.2, y[(1, 4, 2, 5, 0, 3)[(n + n // 4) % 6]] + 0.1))
+    return chosen
+
+
+def survey(
+    truth,
+    random,
+    *,
+    count=8,
+    scale=SCALE,
+    same_meter=False,
+    wrong=None,
+    spectral=0.1,
+    decision="guarded",
+    limits=None,
+    rho_u=0.15,
+    noise=0.002,
+):
+    """The road as the worker and a person state it, the readings, and E on the grid."""
+    points = lay_points(truth.site, find_rule(EN).grid)
+    places = place_points(points, count)
+    xy = np.array([(p.x_m, p.y_m) for p in points] + places)
+    e, luminance = truth.light(xy)
+    meter = 0.02 * random.standard_normal()
+    of_k = meter if same_meter else 0.02 * random.standard_normal()
+    shown = scale.u_rel * random.standard_normal() + of_k + math.log(truth.lamp)
+    shown += spectral * random.standard_normal()
+    seen = luminance * np.exp(
+        shown + truth.patches * random.standard_normal(len(xy)) + noise * random.standard_normal(len(xy))
+    )
+    read = e[len(points) :] * np.exp(meter + 0.03 * random.standard_normal(count))
+    if wrong is not None:
+        read[wrong] *= random.choice([0.5, 2.0])
+    control = tuple(
+        ControlPoint(name=f"P{n + 1}", x_m=x, y_m=y, quantity="illuminance", values=(float(v),), meter="lux")
+        for n, ((x, y), v) in enumerate(zip(places, read, strict=True))
+    )
+    stated = truth.rho * math.exp(rho_u * random.standard_normal())
+    road = Road(
+        site=truth.site,
+        requirement=Requirement(
+            rule=EN, road_class="C3", criteria=limits or (), confirmed="me", decision=decision
+        ),
+        conditions=Conditions(
+            surface="dry", reflectance=stated, reflectance_u_rel=rho_u, mains_frequency_hz=50.0
+        ),
+        control=control,
+        meters=(Meter(meter="lux", u_rel=0.02),),
+    )
+    if same_meter:
+        scale = dataclasses.replace(scale, meter="lux")
+    names = [p.name for p in points] + [c.name for c in control]
+    readings = [
+        Reading(place=n, frame="a", luminance_cd_m2=float(v), u_rel=noise, view_deg=10.0, place_u_m=0.0)
+        for n, v in zip(names, seen, strict=True)
+    ]
+    return road, points, readings, scale, e[: len(points)]
