@@ -1,6 +1,7 @@
 """Evaluation of a road: from luminances of points and readings of meters to figures and a verdict."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,8 @@ from radiometry.road import codes
 from radiometry.road.field import Field, Rows, draw_fields, fit_model, select_rows, solve_field
 from radiometry.road.grid import GridPoint
 from radiometry.road.judging import Found, flag_road
-from radiometry.road.observations import Places, gather, make_rows
+from radiometry.road.observations import UNCERTIFIED_U, Places, gather, make_rows
+from radiometry.road.plan import Outlook, count_points, weigh_figures
 from radiometry.road.reporting import (
     compare_control,
     describe_grid,
@@ -18,9 +20,9 @@ from radiometry.road.reporting import (
     report_scales,
     share_out,
 )
-from radiometry.road.results import Model, RoadResult
+from radiometry.road.results import CriterionResult, Model, RoadResult
 from radiometry.road.site import Reading, Road, Scale
-from radiometry.road.verdict import compute_figures, find_worst, judge_classes, judge_road
+from radiometry.road.verdict import Drawn, compute_figures, find_worst, judge_classes, judge_road
 
 DRAWS = 4000
 # Of a reading against the map without it, in standard uncertainties; and the most that are dropped for it
@@ -45,13 +47,12 @@ def evaluate_road(
     judged = find_judged(road, points)
     means = np.exp(field.mean[: len(points)])
     figures = compute_figures(road, points, judged, draw_fields(field, places=len(points), draws=DRAWS))
-    criteria = judge_road(road, figures)
+    criteria = tuple(_advise(each, figures, road, field, rows, judged) for each in judge_road(road, figures))
     control = compare_control(road, places, rows, field, used)
     lit = describe_grid(points, judged, places)
     scales = report_scales(places, rows, field)
     found = Found(road, scale, places, rows, field, used, control, scales, lit)
-    light = means[judged] / means[judged].sum()
-    lowest = np.arange(len(judged)) == np.argmin(means[judged])
+    weights = weigh_figures(means[judged])
     return RoadResult(
         verdict=find_worst(criteria),
         as_found=road.requirement.maintenance_factor is None,
@@ -59,11 +60,11 @@ def evaluate_road(
         criteria=criteria,
         classes=judge_classes(road, figures),
         points=report_points(points, places, field),
-        minimum=points[int(judged[lowest][0])].name,
+        minimum=points[int(judged[means[judged].argmin()])].name,
         control=control,
         scales=scales,
-        budget=share_out(field, judged, light),
-        budget_u_0=share_out(field, judged, lowest - light),
+        budget=share_out(field, judged, weights["e_av"]),
+        budget_u_0=share_out(field, judged, weights["u_0"]),
         grid=lit,
         model=model,
         flags=flag_road(found),
@@ -81,3 +82,24 @@ def _solve(places: Places, rows: Rows, model: Model) -> tuple[Field, NDArray[np.
         if not readings or ratios.max() <= _DIFFERS or dropped > _MOST_DROPPED * readings:
             return field, used
         used[np.flatnonzero(used)[int(ratios.argmax())]] = False
+
+
+def _advise(
+    criterion: CriterionResult,
+    figures: Sequence[Drawn],
+    road: Road,
+    field: Field,
+    rows: Rows,
+    judged: NDArray[np.intp],
+) -> CriterionResult:
+    """Return a criterion with the number of further points that would decide it."""
+    weights = weigh_figures(np.exp(field.mean[judged])).get(criterion.figure)
+    if criterion.needed_u is None or weights is None or not road.control:
+        return criterion
+    meter = road.control[-1].meter
+    stated = {each.meter: each.u_rel for each in road.meters}.get(meter)
+    outlook = Outlook(field, rows, judged, meter=meter, meter_u=UNCERTIFIED_U if stated is None else stated)
+    result = next(each.result for each in figures if each.result.figure == criterion.figure)
+    share = criterion.needed_u / max(result.high - result.low, 1e-12) * 2.0
+    wanted = share * outlook.estimate_u(weights)
+    return replace(criterion, needed_points=count_points(outlook, weights, wanted))

@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 
 ANGLE_U = 0.15
 _MEAN_U = 10.0
-# ln of along, across, sigma, patches: usual values, how far they may be from them, and their bounds
-_USUAL = np.log([5.0, 5.0, 0.5, 0.05])
+USUAL = Model(patches_rel=0.05, along_m=5.0, across_m=5.0, sigma=0.5)
+# of the ln of along, across, sigma and patches
 _WIDE = np.array([1.0, 1.0, 1.0, 1.0])
 _BOUNDS = tuple(zip(np.log([1.5, 1.5, 0.05, 0.005]), np.log([30.0, 60.0, 3.0, 0.4]), strict=True))
 
@@ -47,6 +47,7 @@ class Rows(Record):
     sees_pavement: NDArray[np.bool_]  # (rows,), of luminances, also of a meter
     is_reading: NDArray[np.bool_]  # (rows,), of a meter
     own_u: Array  # (rows,)
+    meters: tuple[str, ...]  # the levels of "meter"
     #: Effects of one standard uncertainty of each other error, (rows, levels), by source
     shared: Mapping[str, Array]
 
@@ -69,7 +70,7 @@ class Field(NamedTuple):
 def fit_model(xy_m: Array, rows: Rows, *, patches: float) -> Model:
     """Fit lengths, size and patches of the field to the luminances alone."""
     seen = ~rows.is_reading
-    usual = np.append(_USUAL[:3], math.log(patches))
+    usual = np.log([USUAL.along_m, USUAL.across_m, USUAL.sigma, patches])
     alone = select_rows(rows, seen)
     fixed = _cover(alone)
 

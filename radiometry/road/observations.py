@@ -105,6 +105,7 @@ def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
     is_reading = np.arange(len(index)) >= len(at)
     sees = np.concatenate([np.ones(len(at), np.bool_), is_luminance])
     values = [each.ln_luminance for each in seen] + [each.ln_mean for _, each in read]
+    meters = tuple(sorted({each.meter for _, each in read} | ({scale.meter} if scale.meter else set())))
     return Rows(
         values=np.array(values) - np.where(sees, flat, 0.0),
         places=index,
@@ -114,7 +115,8 @@ def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
             [math.hypot(each.own_u, _LN_SLOPE_PER_M * each.place_u_m) for each in seen]
             + [each.own_u for _, each in read]
         ),
-        shared=_share_errors(road, places, scale, index, sees, [each for _, each in read]),
+        meters=meters,
+        shared=_share_errors(road, places, scale, index, sees, [each for _, each in read], meters),
     )
 
 
@@ -125,6 +127,7 @@ def _share_errors(
     index: Indices,
     sees: NDArray[np.bool_],
     read: Sequence[ControlPoint],
+    meters: Sequence[str],
 ) -> dict[str, Array]:
     """Return the effect of one standard uncertainty of each error that rows share, (rows, levels)."""
     count = len(index) - len(read)
@@ -135,7 +138,6 @@ def _share_errors(
         for frame in each.frames:
             of_frames[row, frames.index(frame)] = scale.frame_u_rel / len(each.frames)
     stated = {each.meter: UNCERTIFIED_U if each.u_rel is None else each.u_rel for each in road.meters}
-    meters = sorted({each.meter for each in read} | ({scale.meter} if scale.meter else set()))
     of_meters = np.zeros((len(index), len(meters)))
     if scale.meter:
         of_meters[:count, meters.index(scale.meter)] = scale.meter_u_rel

@@ -49,6 +49,7 @@ def test_scale_by_control_points_is_that_of_the_table(count, other, same):
             sees_pavement=np.ones(2 * count, np.bool_),
             is_reading=readings,
             own_u=np.where(luminances, 1e-6, 0.04),
+            meters=("lux",),
             shared={"camera": own_k, "meter": meters},
         )
         far = np.column_stack([1e3 * np.arange(count), np.zeros(count)])

@@ -1,0 +1,153 @@
+"""Sites and points of a road as GeoJSON, in longitude and latitude, or in metres where no place is known."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.road import codes
+from radiometry.road.results import RoadResult
+from radiometry.road.site import Area, Origin, Row, Site, Strip
+
+Array = NDArray[np.float64]
+
+_EQUATOR_M, _SQUARED_ECCENTRICITY = 6378137.0, 0.00669437999014
+
+
+def _scale_degrees(origin: Origin) -> Array:
+    """Return the metres of a degree of longitude and of latitude on the ellipsoid of WGS 84."""
+    latitude = math.radians(origin.latitude_deg)
+    root = math.sqrt(1.0 - _SQUARED_ECCENTRICITY * math.sin(latitude) ** 2)
+    north = _EQUATOR_M * (1.0 - _SQUARED_ECCENTRICITY) / root**3
+    return np.radians([_EQUATOR_M / root * math.cos(latitude), north])
+
+
+def _turn(origin: Origin) -> Array:
+    """Return the east and north of x and of y, as columns."""
+    bearing, side = math.radians(origin.bearing_deg), 1.0 if origin.y_to_the_right else -1.0
+    x = np.array([math.sin(bearing), math.cos(bearing)])
+    return np.column_stack([x, side * np.array([x[1], -x[0]])])
+
+
+def place_on_earth(site: Site, xy_m: Array) -> Array:
+    """Return longitude and latitude of places on a road, (n, 2) [deg]; in metres without an origin."""
+    if site.origin is None:
+        return xy_m
+    east_north = xy_m @ _turn(site.origin).T
+    return east_north / _scale_degrees(site.origin) + (site.origin.longitude_deg, site.origin.latitude_deg)
+
+
+def place_on_road(origin: Origin, lonlat_deg: Array) -> Array:
+    """Return places on a road of longitudes and latitudes, (n, 2) [m]."""
+    apart = (lonlat_deg - (origin.longitude_deg, origin.latitude_deg)) * _scale_degrees(origin)
+    return np.asarray(apart @ _turn(origin))
+
+
+def write_site(site: Site) -> dict[str, Any]:
+    """Return a site as GeoJSON: rows as lines from one luminaire to the next, surfaces as polygons."""
+    low, high = site.field_m
+    features = [
+        _write(
+            site,
+            "LineString",
+            [(row.first_x_m, row.y_m), (row.first_x_m + row.spacing_m, row.y_m)],
+            {"kind": "row", "height_m": row.height_m},
+        )
+        for row in site.rows
+    ]
+    for strip in site.strips:
+        far = strip.y_m + strip.width_m
+        corners = [(low, strip.y_m), (high, strip.y_m), (high, far), (low, far)]
+        stated = {"kind": strip.kind, "name": strip.name, "surface": strip.surface}
+        features.append(_write(site, "Polygon", corners, stated))
+    for area in site.areas:
+        stated = {"kind": "area", "name": area.name, "surface": area.surface}
+        features.append(_write(site, "Polygon", list(area.corners_m), stated))
+    return _collect(site, features)
+
+
+def write_points(site: Site, result: RoadResult) -> dict[str, Any]:
+    """Return grid points and control points of a result as GeoJSON."""
+    stated = [*map(asdict, result.points), *map(asdict, result.control)]
+    features = [_write(site, "Point", [(each["x_m"], each["y_m"])], each) for each in stated]
+    return _collect(site, features)
+
+
+def _write(site: Site, kind: str, places_m: Any, stated: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401
+    placed = np.round(place_on_earth(site, np.array(places_m, np.float64)), 9 if site.origin else 4).tolist()
+    forms = {"Point": placed[0], "LineString": placed, "Polygon": [[*placed, placed[0]]]}
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": forms[kind]}, "properties": stated}
+
+
+def _collect(site: Site, features: list[dict[str, Any]]) -> dict[str, Any]:
+    unit = "deg" if site.origin else "m"
+    return {"type": "FeatureCollection", "coordinates": unit, "features": features}
+
+
+def read_site(document: Mapping[str, Any]) -> Site:
+    """Read a site from GeoJSON as `write_site` writes it.
+
+    x runs from the first luminaire of the first row to the second; y to the side of the first polygon. The
+    document's `coordinates` are "deg", or "m" for metres of the road itself.
+    """
+    try:
+        lines, polygons = [], []
+        for feature in document["features"]:
+            geometry = feature["geometry"]
+            if geometry["type"] == "LineString":
+                lines.append((np.array(geometry["coordinates"], np.float64)[:, :2], feature["properties"]))
+            elif geometry["type"] == "Polygon":
+                ring = np.array(geometry["coordinates"][0], np.float64)[:-1, :2]
+                polygons.append((ring, feature["properties"]))
+        origin = None
+        if document.get("coordinates", "deg") == "deg":
+            origin = _find_origin(lines[0][0], polygons[0][0])
+            lines = [(place_on_road(origin, places), stated) for places, stated in lines]
+            polygons = [(place_on_road(origin, places), stated) for places, stated in polygons]
+        return Site(
+            rows=tuple(_read_row(places, float(stated["height_m"])) for places, stated in lines),
+            strips=tuple(_read_strip(ring, p) for ring, p in polygons if p["kind"] != "area"),
+            areas=tuple(
+                Area(
+                    name=str(p["name"]),
+                    corners_m=tuple((x, y) for x, y in np.round(ring, 4).tolist()),
+                    surface=str(p.get("surface", "asphalt")),
+                )
+                for ring, p in polygons
+                if p["kind"] == "area"
+            ),
+            origin=origin,
+        )
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise codes.SITE_INVALID.refuse(f"The GeoJSON is not that of a site: {error!r}.") from None
+
+
+def _find_origin(line_deg: Array, polygon_deg: Array) -> Origin:
+    longitude, latitude = line_deg[0].tolist()
+    start = Origin(longitude_deg=longitude, latitude_deg=latitude, bearing_deg=0.0, y_to_the_right=True)
+    north, east = place_on_road(start, line_deg[1:2])[0].tolist()
+    bearing = math.degrees(math.atan2(east, north)) % 360.0
+    ahead = Origin(longitude_deg=longitude, latitude_deg=latitude, bearing_deg=bearing, y_to_the_right=True)
+    is_right = bool(place_on_road(ahead, polygon_deg)[:, 1].mean() >= 0.0)
+    return Origin(
+        longitude_deg=longitude, latitude_deg=latitude, bearing_deg=bearing, y_to_the_right=is_right
+    )
+
+
+def _read_row(places_m: Array, height_m: float) -> Row:
+    (x, y), (to, _) = np.round(places_m[:2], 4).tolist()
+    return Row(y_m=y, height_m=height_m, spacing_m=to - x, first_x_m=x)
+
+
+def _read_strip(ring_m: Array, stated: Mapping[str, Any]) -> Strip:
+    near, far = np.round([ring_m[:, 1].min(), ring_m[:, 1].max()], 4).tolist()
+    return Strip(
+        name=str(stated["name"]),
+        kind=stated["kind"],
+        y_m=near,
+        width_m=far - near,
+        surface=str(stated.get("surface", "asphalt")),
+    )
