@@ -37,6 +37,17 @@ def evaluate_road(
     The field of ln E (see `radiometry.road.field`) is solved with all readings but those that a person left
     out, and those that differ from the map made without them by more than 3.5 standard uncertainties; the
     latter are flagged. Figures are medians of draws from its posterior with intervals of 95 %.
+
+    Parameters
+    ----------
+    road : Road
+        All that was stated.
+    points : sequence of GridPoint
+        Grid, as `lay_points` lays it.
+    readings : sequence of Reading
+        Luminances of grid and control points, one a frame.
+    scale : Scale
+        Uncertainty that all luminances share.
     """
     if road.conditions.surface == "wet":
         raise codes.ROAD_WET.refuse("The road is stated to be wet.")

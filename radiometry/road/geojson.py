@@ -47,7 +47,13 @@ def place_on_road(origin: Origin, lonlat_deg: Array) -> Array:
 
 
 def write_site(site: Site) -> dict[str, Any]:
-    """Return a site as GeoJSON: rows as lines from one luminaire to the next, surfaces as polygons."""
+    """Return a site as GeoJSON: rows as lines from one luminaire to the next, surfaces as polygons.
+
+    Parameters
+    ----------
+    site : Site
+        Luminaires and surfaces.
+    """
     low, high = site.field_m
     features = [
         _write(
@@ -70,7 +76,15 @@ def write_site(site: Site) -> dict[str, Any]:
 
 
 def write_points(site: Site, result: RoadResult) -> dict[str, Any]:
-    """Return grid points and control points of a result as GeoJSON."""
+    """Return grid points and control points of a result as GeoJSON.
+
+    Parameters
+    ----------
+    site : Site
+        Site that was evaluated.
+    result : RoadResult
+        Its evaluation.
+    """
     stated = [*map(asdict, result.points), *map(asdict, result.control)]
     features = [_write(site, "Point", [(each["x_m"], each["y_m"])], each) for each in stated]
     return _collect(site, features)
@@ -92,6 +106,11 @@ def read_site(document: Mapping[str, Any]) -> Site:
 
     x runs from the first luminaire of the first row to the second; y to the side of the first polygon. The
     document's `coordinates` are "deg", or "m" for metres of the road itself.
+
+    Parameters
+    ----------
+    document : mapping
+        FeatureCollection.
     """
     try:
         lines, polygons = [], []

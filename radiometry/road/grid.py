@@ -38,6 +38,13 @@ def lay_points(site: Site, rule: GridRule) -> tuple[GridPoint, ...]:
     to compare with. An area has a square lattice no wider apart than either limit.
 
     [1] EN 13201-3:2015, Road lighting, Part 3: Calculation of performance.
+
+    Parameters
+    ----------
+    site : Site
+        Luminaires and surfaces.
+    rule : GridRule
+        Number of points and their largest distances.
     """
     _check(site)
     low, high = site.field_m

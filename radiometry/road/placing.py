@@ -116,6 +116,13 @@ def place_frame(marks: Sequence[Mark], camera: Camera) -> Placement:
 
     [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision, Cambridge 2004, section 5.2,
     doi:10.1017/CBO9780511811685
+
+    Parameters
+    ----------
+    marks : sequence of Mark
+        Points of the road in the picture, four or more.
+    camera : Camera
+        Camera of the frame.
     """
     if len(marks) < FEWEST_MARKS:
         raise codes.PLACE_UNDETERMINED.refuse(f"{len(marks)} points are marked; four or more place a frame.")

@@ -84,6 +84,13 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
     Each further point is the one that lowers most the variance of the figure that is furthest from its wanted
     uncertainty, by the equations of `radiometry.road.field` with usual lengths, for lamps that shine alike in
     all directions; the meter is the road's first. One more is a spare.
+
+    Parameters
+    ----------
+    road : Road
+        All that was stated; readings are not needed.
+    e_av_u_rel, u_0_u_rel : float
+        Wanted expanded uncertainties of E_av and U_0, relative.
     """
     points = lay_points(road.site, find_rule(road.requirement.rule).grid)
     judged = find_judged(road, points)

@@ -54,7 +54,13 @@ def list_rules() -> tuple[Rule, ...]:
 
 
 def find_rule(name: str) -> Rule:
-    """Return the rule of a name."""
+    """Return the rule of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name, as `list_rules` has it.
+    """
     for rule in list_rules():
         if rule.name == name:
             return rule
@@ -62,7 +68,13 @@ def find_rule(name: str) -> Rule:
 
 
 def find_criteria(requirement: Requirement) -> tuple[Criterion, ...]:
-    """Return the limits that a requirement states, else those of its class."""
+    """Return the limits that a requirement states, else those of its class.
+
+    Parameters
+    ----------
+    requirement : Requirement
+        Rule, class and limits.
+    """
     if requirement.criteria:
         return requirement.criteria
     for each in find_rule(requirement.rule).classes:

@@ -16,7 +16,7 @@ from service.calibrations import routes as calibrations
 from service.campaigns import grid, manifests, points, proposals, readings
 from service.campaigns import routes as campaigns
 from service.coefficients import routes as coefficients
-from service.documents import report
+from service.documents import report, road
 from service.documents import routes as certificates
 from service.equipment import routes as equipment
 from service.frames import motion, pictures
@@ -31,6 +31,7 @@ from service.organisation import routes as organisation
 from service.pages import cameras, documentation, rendering, sign_in
 from service.pages import routes as pages
 from service.pages.rendering import Assets, build_environment
+from service.roads import routes as roads
 from service.system import routes as system
 from service.tools import routes as tools
 from service.uploads import routes as uploads
@@ -102,7 +103,7 @@ def _include_routers(app: FastAPI) -> None:
         *(calibrations.router, methods.router, calibrations.exports_router, methods.findings_router),
         coefficients.router,
         *(measurements.comparisons_router, fleet.router, equipment.rigs_router, lists.router),
-        *(measurements.router, report.router),
+        *(measurements.router, report.router, roads.router, roads.rules_router, road.router),
         *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
         *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
         *(motion.router, tools.router),

@@ -33,6 +33,7 @@ from pydantic import (
     Strict,
     StringConstraints,
     WithJsonSchema,
+    create_model,
     model_validator,
 )
 from pydantic.config import JsonDict
@@ -231,6 +232,57 @@ class Answer(BaseModel):
 
 answered_as: dict[Any, Any] = {datetime: Instant, date: Day}
 """What a type of the science or the store is answered as."""
+
+
+def model_of(record: type, base: type[BaseModel]) -> Any:  # noqa: ANN401  a model made at run time
+    """Return a record of the science as a form or an answer; what has a default may be left out.
+
+    Records inside become models too, unless they are answered already.
+    """
+    is_form = issubclass(base, Form)
+    if not is_form and record in answered_as:
+        return answered_as[record]
+    if (record, base) not in _made:
+        hints, sentences = get_type_hints(record), describe_fields(record)
+        stated: dict[str, Any] = {}
+        for each in dataclasses.fields(record):
+            kind, sentence = _as_model(hints[each.name], base), sentences.get(each.name)
+            has_default = not each.default is each.default_factory is dataclasses.MISSING
+            needed = not (has_default or (type(None) in get_args(kind) and not is_form))
+            stated[each.name] = (
+                (kind, Field(description=sentence)) if needed else (kind | None, maybe(sentence or ""))
+            )
+        room = record.__module__.split(".")[1].capitalize()
+        own = f"{room}{record.__name__.removeprefix(room)}"
+        name = f"New{own}" if is_form else f"{own}Answer"
+        _made[record, base] = create_model(name, __base__=base, __doc__=record.__doc__, **stated)
+    return _made[record, base]
+
+
+_MOST_ITEMS: Final = 1000
+_SENT: Final[dict[Any, Any]] = {
+    float: Number,
+    int: Annotated[int, Strict(), WHOLE],
+    str: Text,
+    bool: Flag,
+    datetime: Instant,
+}
+_made: dict[tuple[type, type], Any] = {}
+
+
+def _as_model(kind: Any, base: type[BaseModel]) -> Any:  # noqa: ANN401
+    """Return the type of a model's field for a type of a record's."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        return model_of(kind, base)  # type: ignore[arg-type]
+    if origin in {Union, types.UnionType}:
+        return Union[tuple(_as_model(part, base) for part in parts)]  # noqa: UP007
+    if origin is tuple:
+        least, most = (0, _MOST_ITEMS) if parts[-1] is ... else (len(parts), len(parts))
+        return Annotated[list[_as_model(parts[0], base)], Field(min_length=least, max_length=most)]  # type: ignore[misc]
+    if origin is Mapping or (parts and not isinstance(origin, type)):
+        return kind
+    return _SENT.get(kind, kind) if issubclass(base, Form) else answered_as.get(kind, kind)
 
 
 def describe_fields(source: type) -> dict[str, str]:

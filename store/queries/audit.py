@@ -30,6 +30,8 @@ NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
     "pub": (tables.Publication, lambda _: None, "calibration_id"),
     "rdg": (tables.Reading, lambda row: row.scene, "campaign_id"),
     "rig": (tables.Rig, lambda row: row.name, "id"),
+    "roa": (tables.Road, lambda row: row.name, "id"),
+    "rrs": (tables.RoadResult, lambda row: f"evaluation {row.number}", "road_id"),
     "ses": (tables.WebSession, lambda _: None, "key_id"),
 }
 """By the beginning of an id: its table, its own name, and the column of what it is about."""

@@ -49,3 +49,4 @@ from store.tables.organisation import (
     Usage,
     WebSession,
 )
+from store.tables.road import Road, RoadResult

@@ -27,6 +27,9 @@ NUMBERS_WITHOUT_UNIT = {
     # their unit stands beside them
     *("value", "standard_uncertainty", "expanded_uncertainty", "entered_value"),
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
+    # of a road's criteria, model and scale
+    *("maintenance_factor", "without_it", "at_least", "at_most", "needed_u", "probability", "sigma"),
+    *("expected_u", "factor_u", "slope", "slope_u"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     # of a sensor's own unit, which stands beside them
     *("i_sq", "i_sq_standard_uncertainty", "i_ss", "i_ss_oriented", "reflectance_k", "shared_u", "noise_u"),
@@ -52,7 +55,7 @@ NUMBERS_WITHOUT_UNIT = {
     "limit",  # of a tolerance, whose unit stands beside it
     *("u_o", "average_to_min", "max_to_min", "index_value", "effective_dof"),
 }
-UNIT = re.compile(r"_(s|hz|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes|lx|reflectance)$")
+UNIT = re.compile(r"_(s|hz|km_h|um|mm|px|dn|rel|deg|m|w|cd_m2|bytes|lx|reflectance)$")
 
 
 @pytest.fixture(scope="module")

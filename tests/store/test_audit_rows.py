@@ -11,7 +11,7 @@ from tests.support.everything import make_one_of_each
 HELD = ("calibration", "coefficient", "extraction", "channel_statistics", "measurement", "panel", "roi")
 NEW_METER = (
     "INSERT INTO meter (id, organisation_id, kind, make, model, serial, created_at) "
-    "SELECT 'met_x', organisation_id, kind, make, model, 'x', created_at FROM meter"
+    "SELECT 'met_x', organisation_id, kind, make, model, 'x', created_at FROM meter WHERE kind = 'luminance'"
 )
 NEW_COEFFICIENT = (
     "INSERT INTO coefficient SELECT calibration_id, 77, name, value, standard_uncertainty, unit, iso, "

@@ -5,6 +5,7 @@ from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
 from tests.support.resumable import begin_upload
+from tests.support.roads import evaluate, state_road
 
 METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
 PANEL = {"serial": "RP04", "bands": [{"band": "red", "reflectance": 0.5}], "measured_on": "2026-04-01"}
@@ -21,7 +22,10 @@ def make_one_of_each(house: House) -> dict[str, str]:
     drawn = house.post(f"/v1/frames/{frame_id}/crops", window, status=202)
     house.work()
     other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "beside"})["id"]
+    road = evaluate(house, state_road(house, publish=False, frames=1))
     return {
+        "road_id": road["road_id"],
+        "number": road["number"],
         "rig_id": house.post("/v1/rigs", {"name": "head", "camera_ids": [version["camera_id"], other]})["id"],
         "campaign_id": campaign_id,
         "camera_id": version["camera_id"],

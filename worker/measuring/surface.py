@@ -22,7 +22,7 @@ from worker.measuring.task import Task
 
 
 def measure_surface(task: Task, application: SurfaceApplication) -> tuple[dict[str, Any], Products | None]:
-    measured = _measure_region(task, application)
+    measured = measure_region(task, application)
     task.report(0.2)
     return encode(measured), _map(task, application, measured) if task.wants_map else None
 
@@ -42,7 +42,7 @@ def make_subject(
     )
 
 
-def _measure_region(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
+def measure_region(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
     request, header = plan.read_request(application, task.parameters), task.header
     window = application.find_window(request, height_px=header.height_px, width_px=header.width_px)
     decoders, part = task.decoders, (window.row0, window.col0, window.height, window.width)

@@ -2,7 +2,7 @@
 
 from store.jobs import Claim
 from worker.context import Context, Outcome
-from worker.tasks import fit, look, measure
+from worker.tasks import fit, look, measure, road
 from worker.tasks.extract import extract
 
 __all__ = ["Outcome", "work"]
@@ -19,6 +19,8 @@ def work(context: Context, claim: Claim) -> Outcome:
             return extract(context, claim)
         case "fit":
             return fit.fit(context, claim)
+        case "measure" if "road" in claim.parameters:
+            return road.evaluate(context, claim)
         case "measure":
             return measure.measure(context, claim)
         case kind:

@@ -41,7 +41,7 @@ function tell(place, piece, count, path) {
 
 const line = (kind, title, text, button) => h("div", { class: `verdict-line ${kind}` }, mark(kind), h("div", {}, h("strong", {}, title), " ", h("span", {}, text)), button);
 
-const PAGES = { cal: "/calibrations/", cam: "/cameras/", cmp: "/campaigns/", msr: "/measurements/", rig: "/rigs/" };
+const PAGES = { cal: "/calibrations/", cam: "/cameras/", cmp: "/campaigns/", msr: "/measurements/", rig: "/rigs/", roa: "/roads/" };
 const PROCESSES = ["service", "worker", "sweeper"];
 const UNSAID = new Set(["id", "organisation_id", "sha256_sha256", "created_at", "reason"]);
 const SHOWN = 100;

@@ -1,0 +1,1 @@
+"""Roads: site, control points, evaluations, and their papers."""

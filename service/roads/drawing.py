@@ -1,0 +1,216 @@
+"""A road drawn from above as SVG: its map with lanes, grid and points, and where to read on a plan card."""
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import Any, Final
+
+import numpy as np
+
+from radiometry import maps
+from radiometry.drawing.text import in_step
+
+Node = dict[str, Any]
+Place = tuple[float, float]
+
+_LONG_PX: Final = 900.0
+_LABEL_PX: Final = 12
+_STYLE: Final = (
+    'font-family="sans-serif" font-weight="600" text-anchor="middle" '
+    'paint-order="stroke" stroke-linejoin="round"'
+)
+_LIGHT: Final = 'fill="#ffffff" stroke="#10141a" stroke-width="3"'
+
+
+class Canvas:
+    """Places on the road as pixels: x to the right, or upwards as one walks it on a telephone."""
+
+    def __init__(self, x_m: Sequence[float], y_m: Sequence[float], *, is_upright: bool = False) -> None:
+        self._x0, self._x1, self._y0 = x_m[0], x_m[1], y_m[0]
+        self.is_upright = is_upright
+        self.scale = _LONG_PX / (x_m[1] - x_m[0])
+        size = _LONG_PX, self.scale * (y_m[1] - y_m[0])
+        self.width, self.height = size[::-1] if is_upright else size
+        self.parts: list[str] = []
+
+    def place(self, x_m: float, y_m: float) -> Place:
+        along, across = self.scale * (x_m - self._x0), self.scale * (y_m - self._y0)
+        return (across, _LONG_PX - along) if self.is_upright else (along, across)
+
+    def line(self, places: Sequence[Place], style: str) -> None:
+        points = " ".join("{:.1f},{:.1f}".format(*self.place(*each)) for each in places)
+        self.parts.append(f'<polyline points="{points}" fill="none" {style}/>')
+
+    def circle(self, place: Place, radius: float, style: str) -> None:
+        x, y = self.place(*place)
+        self.parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" {style}/>')
+
+    def text(
+        self, place: Place, words: str, style: str = _LIGHT, *, dy: float = 4.0, size: int = _LABEL_PX
+    ) -> None:
+        x, y = self.place(*place)
+        self.parts.append(
+            f'<text x="{x:.1f}" y="{y + dy:.1f}" font-size="{size}" {_STYLE} {style}>{escape(words)}</text>'
+        )
+
+    def picture(self, png: bytes) -> None:
+        data = base64.b64encode(png).decode()
+        long, wide = _LONG_PX, self.width if self.is_upright else self.height
+        turn = f' transform="matrix(0 -1 1 0 0 {long:.1f})"' if self.is_upright else ""
+        self.parts.append(
+            f'<image href="data:image/png;base64,{data}" width="{long:.1f}" height="{wide:.1f}" '
+            f'preserveAspectRatio="none"{turn}/>'
+        )
+
+    def finish(self) -> str:
+        box = f"0 0 {self.width:.1f} {self.height:.1f}"
+        return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}">{"".join(self.parts)}</svg>'
+
+
+def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequence[str] = ()) -> str:
+    """Draw an evaluation, as it is answered, on its map. ``layers`` : grid, isolux, points; else all."""
+    shown = layers or ("grid", "isolux", "points")
+    site, extent = result["stated"]["site"], result["map"]
+    canvas = Canvas(extent["x_m"], extent["y_m"], is_upright=is_upright)
+    canvas.picture(png)
+    _draw_site(canvas, site, extent, 'stroke="#ffffff" stroke-width="1.5"')
+    points = {each["name"]: each for each in result["points"]}
+    if "isolux" in shown:
+        limits = [
+            each["at_least"]
+            for each in result["criteria"]
+            if each["figure"] in ("e_av", "e_min") and "at_least" in each
+        ]
+        _draw_isolux(canvas, result, limits)
+    if "grid" in shown:
+        for each in points.values():
+            mark = 'stroke="#10141a" stroke-width="2.5"', 'stroke="#ffffff" stroke-width="1"'
+            for style in mark if not each["is_hidden"] else ():
+                _draw_cross(canvas, (each["x_m"], each["y_m"]), 3.0, style)
+    lowest = points[result["minimum"]]
+    canvas.circle((lowest["x_m"], lowest["y_m"]), 11, 'fill="none" stroke="#3fd0ff" stroke-width="2.5"')
+    if "points" in shown:
+        _draw_control(canvas, site, extent, result["control"])
+    return canvas.finish()
+
+
+def draw_plan(site: Node, points: Sequence[Node]) -> str:
+    """Draw where to read, in one colour: poles, kerb, lanes and numbered points with their distances."""
+    first = site["rows"][0]
+    start = first.get("first_x_m", 0.0)
+    x_m = start - 3.0, start + first["spacing_m"] + 3.0
+    edges = sorted(
+        {
+            at
+            for each in site["strips"]
+            if each["kind"] == "lane"
+            for at in (each["y_m"], each["y_m"] + each["width_m"])
+        }
+    )
+    edges = edges or [min(p["y_m"] for p in points) - 1, max(p["y_m"] for p in points) + 1]
+    y_m = min(edges[0], first["y_m"]) - 3.0, edges[-1] + 5.0
+    canvas, ink = Canvas(x_m, y_m), 'fill="#000000"'
+    for edge in edges:
+        dashed = 'stroke-dasharray="24 16"' if edge not in (edges[0], edges[-1]) else ""
+        canvas.line([(x_m[0], edge), (x_m[1], edge)], f'stroke="#000000" stroke-width="3" {dashed}')
+    for name, at in zip("AB", (start, start + first["spacing_m"]), strict=True):
+        canvas.line([(at, first["y_m"]), (at, edges[0] + 0.5)], 'stroke="#000000" stroke-width="3"')
+        canvas.circle((at, first["y_m"]), 9, ink)
+        canvas.text((at, first["y_m"]), f"Pole {name}", ink, dy=-18, size=22)
+    middle = start + first["spacing_m"] / 2.0
+    canvas.text((middle, first["y_m"]), f"{first['spacing_m']:.1f} m", ink, dy=-18, size=22)
+    for number, each in enumerate(sorted(points, key=lambda point: point["x_m"])):
+        place, low = (each["x_m"], each["y_m"]), edges[-1] + 1.2 + 1.5 * (number % 2)
+        canvas.line(
+            [place, (each["x_m"], low - 0.7)], 'stroke="#000000" stroke-width="1.5" stroke-dasharray="4 4"'
+        )
+        canvas.circle(place, 17, 'fill="#ffffff" stroke="#000000" stroke-width="3"')
+        canvas.text(place, each["name"], ink, dy=7, size=20)
+        canvas.text((each["x_m"], low), f"{each['x_m'] - start:.1f} m", ink, dy=6, size=20)
+    return canvas.finish()
+
+
+def _draw_site(canvas: Canvas, site: Node, extent: Node, style: str) -> None:
+    lanes = [each for each in site.get("strips", ()) if each["kind"] == "lane"]
+    edges = sorted({at for each in lanes for at in (each["y_m"], each["y_m"] + each["width_m"])})
+    others = [each for each in site.get("strips", ()) if each["kind"] != "lane"]
+    for at in edges + [at for each in others for at in (each["y_m"], each["y_m"] + each["width_m"])]:
+        dashed = at in edges[1:-1] or at not in edges
+        canvas.line([(x, at) for x in extent["x_m"]], style + (' stroke-dasharray="10 7"' if dashed else ""))
+    for area in site.get("areas", ()):
+        canvas.line([*area["corners_m"], area["corners_m"][0]], style)
+    first = site["rows"][0]
+    start = first.get("first_x_m", 0.0)
+    end = start + first["spacing_m"]
+    if edges:
+        corners = [
+            (start, edges[0]),
+            (end, edges[0]),
+            (end, edges[-1]),
+            (start, edges[-1]),
+            (start, edges[0]),
+        ]
+        canvas.line(corners, 'stroke="#3fd0ff" stroke-width="2"')
+    for row in site["rows"]:
+        for at in np.arange(row.get("first_x_m", 0.0), end + 0.1, row["spacing_m"]).tolist():
+            canvas.circle((at, row["y_m"]), 5, 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"')
+
+
+def _draw_isolux(canvas: Canvas, result: Node, limits: Sequence[float]) -> None:
+    """Draw round levels over the lanes, and those of the class heavier."""
+    lanes = {each["name"] for each in result["stated"]["site"].get("strips", ()) if each["kind"] == "lane"}
+    on_lanes = [each for each in result["points"] if each["part"] in lanes]
+    xs, ys = (sorted({each[name] for each in on_lanes}) for name in ("x_m", "y_m"))
+    if len(xs) < 2 or len(ys) < 2 or len(on_lanes) != len(xs) * len(ys):
+        return
+    plane = np.full((len(ys), len(xs)), np.nan)
+    for each in on_lanes:
+        plane[ys.index(each["y_m"]), xs.index(each["x_m"])] = each["illuminance_lx"]
+    levels = maps.choose_levels(float(plane.min()), float(plane.max()), logarithmic=True)
+    for drawn in maps.trace_isolines(plane, sorted({*levels, *limits}), step=1, left_px=-0.5, top_px=-0.5):
+        width = 2.2 if drawn.level in limits else 0.9
+        for line in drawn.lines:
+            along, across = (
+                np.interp(line[:, i], range(len(at)), at).tolist() for i, at in enumerate((xs, ys))
+            )
+            canvas.line(
+                list(zip(along, across, strict=True)),
+                f'stroke="#ffffff" stroke-opacity="0.85" stroke-width="{width}"',
+            )
+
+
+def _draw_cross(canvas: Canvas, place: Place, reach_px: float, style: str) -> None:
+    x, y = canvas.place(*place)
+    path = f"M{x - reach_px:.1f} {y:.1f}h{2 * reach_px:.1f}M{x:.1f} {y - reach_px:.1f}v{2 * reach_px:.1f}"
+    canvas.parts.append(f'<path d="{path}" {style}/>')
+
+
+def _draw_control(canvas: Canvas, site: Node, extent: Node, control: Sequence[Mapping[str, Any]]) -> None:
+    """Draw each control point with its reading beside the road; a wrong one as a square, with both values."""
+    across = [at for each in site.get("strips", ()) for at in (each["y_m"], each["y_m"] + each["width_m"])]
+    low, high = (min(across), max(across)) if across else extent["y_m"]
+    for each in control:
+        place = each["x_m"], each["y_m"]
+        is_near = each["y_m"] < (low + high) / 2.0
+        beside = (low + extent["y_m"][0]) / 2.0 if is_near else (high + extent["y_m"][1]) / 2.0
+        canvas.line([place, (each["x_m"], beside)], 'stroke="#ffffff" stroke-width="1"')
+        for number, words in enumerate(list_labels(each)):
+            canvas.text((each["x_m"], beside), words, dy=4.0 + number * (_LABEL_PX + 2))
+        if each["state"] == "agrees":
+            canvas.circle(place, 5, 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"')
+        else:
+            x, y = canvas.place(*place)
+            canvas.parts.append(
+                f'<rect x="{x - 7:.1f}" y="{y - 7:.1f}" width="14" height="14" rx="2" fill="#ffffff" '
+                'stroke="#a3261f" stroke-width="2"/>'
+                f'<path d="M{x - 3.5:.1f} {y - 3.5:.1f}l7 7m0 -7l-7 7" stroke="#a3261f" stroke-width="2"/>'
+            )
+
+
+def list_labels(point: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what stands beside a control point."""
+    unit = "lx" if point["quantity"] == "illuminance" else "cd/m²"
+    yield f"{point['name']} {point['value']:.3g} {unit}"
+    if point["state"] == "differs" and "without_it" in point:
+        value, _ = in_step(point["without_it"], point["without_it"] * point["without_it_u_rel"])
+        yield f"map: {value} {unit}"

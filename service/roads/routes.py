@@ -1,0 +1,399 @@
+"""Roads: stated, read at control points, evaluated and planned."""
+
+from typing import Annotated, Final
+
+from fastapi import Depends, Query, Request, Response
+from pydantic import Field, TypeAdapter
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import interface
+from radiometry.road import geojson, rules, site
+from radiometry.road.grid import lay_points
+from radiometry.road.plan import plan_points
+from radiometry.road.results import Plan
+from radiometry.road.results import RoadResult as Evaluated
+from service.http import answers, auth, changes, lookup, models, operations, tables
+from service.http.context import Context, UsesContext
+from service.http.paging import Page, UsesPaging
+from service.http.problems import Problem, wrong
+from service.jobs.routes import reply_queued
+from service.jobs.schemas import JobAnswer
+from service.measurements.lists import GeoJson
+from service.roads import schemas
+from store import jobs
+from store.codec import decode, drop_absent, encode
+from store.measuring.roads import plan_evaluation
+from store.queries.calibrations import read_version_statuses
+from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
+
+_COLUMNS: Final = (
+    *("name", "x_m", "y_m", "quantity", "unit", "value"),
+    *(f"value_{number}" for number in range(2, 10)),
+    *("meter_id", "part", "taken_at", "left_out", "u_rel"),
+)
+_NEEDED: Final = frozenset(_COLUMNS[:6])
+_KIND: Final = tables.Kind(
+    numbers=frozenset(name for name in _COLUMNS if name.startswith(("x_m", "y_m", "value", "u_rel"))),
+    most=schemas.MOST_POINTS,
+    rows_are="points",
+)
+_MANY: Final = TypeAdapter(Annotated[list[schemas.RoadPoint], Field(max_length=schemas.MOST_POINTS)])
+_EXAMPLE: Final = {
+    "name": "P1",
+    "x_m": 1.5,
+    "y_m": 1.8,
+    "quantity": "illuminance",
+    "unit": "lx",
+    "values": [49.1],
+}
+_SCHEMA: Final = {
+    "type": "array",
+    "items": schemas.RoadPoint.model_json_schema(),
+    "maxItems": schemas.MOST_POINTS,
+}
+_CONTENT: Final = {
+    "application/json": {"schema": _SCHEMA, "example": [_EXAMPLE]},
+    "text/csv": {"schema": {"type": "string"}},
+}
+
+router = operations.Router(prefix="/v1/roads", tags=["roads"])
+rules_router = operations.Router(prefix="/v1", tags=["roads"])
+
+
+@rules_router.get("/road-rules", response_model=schemas.RoadRules)
+def list_road_rules(_: auth.Reader) -> Response:
+    """Classes and grids of the standards, with their source, their date and how they were read.
+
+    Confirm a rule's figures against its text, or send your own as `criteria` of the requirement.
+    """
+    return schemas.RoadRules(
+        items=[schemas.RoadRuleAnswer.restate(each) for each in rules.list_rules()]
+    ).respond()
+
+
+@router.post("", status_code=201, response_model=schemas.RoadAnswer, responses=answers.problems(404))
+def create_road(body: schemas.NewRoad, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+    """Register a road on one night: its site, what is required of it, and the frames that show it."""
+
+    def change(session: Session) -> changes.Reply:
+        row = Road(organisation_id=caller.organisation_id, created_by=caller.key_id, conditions={}, frames=[])
+        return changes.Reply(status=201, body=_write(session, row, body, caller))
+
+    return writing.run(caller, change)
+
+
+@router.get("", response_model=Page[schemas.RoadAnswer])
+def list_roads(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
+    """The roads of your organisation, newest first."""
+    rows = select(Road).where(Road.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return paging.send(
+            session, rows, lambda found: [answer_road(session, row) for row in found], newest_first=True
+        )
+
+
+@router.get("/{road_id}", response_model=schemas.RoadAnswer)
+def get_road(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+    """One road as it is stated, with its grid, its control points and its evaluations."""
+    with context.database.reading() as session:
+        return answer_road(session, lookup.owned(session, Road, road_id, caller)).respond()
+
+
+@router.patch("/{road_id}", response_model=schemas.RoadAnswer)
+def change_road(
+    road_id: lookup.Id, body: schemas.RoadChange, caller: auth.Calibrator, writing: changes.Writes
+) -> Response:
+    """Correct a road. Evaluations that exist stay as they are."""
+
+    def change(session: Session) -> changes.Reply:
+        row = lookup.owned(session, Road, road_id, caller, for_update=True)
+        return changes.Reply(status=200, body=_write(session, row, body, caller))
+
+    return writing.run(caller, change)
+
+
+@router.get("/{road_id}/site.geojson", **answers.sends_file(GeoJson.media_type))
+def get_road_site(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+    """The site as GeoJSON: in degrees of WGS 84 if it has an origin, else in metres of the road."""
+    with context.database.reading() as session:
+        row = lookup.owned(session, Road, road_id, caller)
+    return GeoJson(drop_absent(geojson.write_site(decode(site.Site, row.site))))
+
+
+@router.put("/{road_id}/site.geojson", response_model=schemas.RoadAnswer)
+def put_road_site(
+    road_id: lookup.Id, body: schemas.SiteFeatures, caller: auth.Calibrator, writing: changes.Writes
+) -> Response:
+    """State the site as GeoJSON, as its GET writes it: x = 0, y = 0 is then the first luminaire."""
+    found = geojson.read_site(body.model_dump())
+
+    def change(session: Session) -> changes.Reply:
+        row = lookup.owned(session, Road, road_id, caller, for_update=True)
+        row.site = drop_absent(encode(found))
+        return changes.Reply(status=200, body=_write(session, row, schemas.RoadChange(), caller))
+
+    return writing.run(caller, change)
+
+
+async def _read_points(request: Request) -> list[schemas.RoadPoint]:
+    """Read JSON or CSV, by the content type; each bad field or row is named."""
+    return await tables.read_sheet_or_document(
+        request,
+        lambda data: tables.read_sheet(data, schemas.RoadPoint, _KIND, _name_fields),
+        _MANY.validate_python,
+    )
+
+
+def _name_fields(columns: list[str]) -> list[str]:
+    if not _NEEDED <= set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
+        message = f"must name each of the columns {', '.join(_COLUMNS)} once (only the first six are needed)"
+        raise tables.refuse_columns(message, columns)
+    return columns
+
+
+@router.put(
+    "/{road_id}/points",
+    response_model=schemas.RoadPoints,
+    openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
+)
+def put_road_points(
+    road_id: lookup.Id,
+    body: Annotated[list[schemas.RoadPoint], Depends(_read_points)],
+    caller: auth.Calibrator,
+    writing: changes.Writes,
+) -> Response:
+    """State all control points of a road, as JSON or as a table with a line each.
+
+    A table has `value`, and `value_2` to `value_9` for repeated readings.
+    """
+    names = [point.name for point in body]
+    if len(set(names)) < len(names):
+        raise wrong("body", "names a point twice; repeated readings are further values of one point")
+
+    def change(session: Session) -> changes.Reply:
+        row = lookup.owned(session, Road, road_id, caller, for_update=True)
+        for named in {point.meter_id for point in body if point.meter_id}:
+            lookup.owned(session, Meter, named, caller)
+        row.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
+        session.flush()
+        return changes.Reply(status=200, body=schemas.RoadPoints.model_validate({"items": row.points}))
+
+    return writing.run(caller, change)
+
+
+@router.get("/{road_id}/points", response_model=schemas.RoadPoints)
+def get_road_points(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+    """The control points of a road, as they were entered."""
+    with context.database.reading() as session:
+        row = lookup.owned(session, Road, road_id, caller)
+    return schemas.RoadPoints.model_validate({"items": row.points}).respond()
+
+
+@router.post(
+    "/{road_id}/evaluate", status_code=202, response_model=JobAnswer, responses=answers.problems(404, 409)
+)
+def evaluate_road(road_id: lookup.Id, caller: auth.Uploader, writing: changes.Writes) -> Response:
+    """Evaluate a road as it is stated now. The job's result names the evaluation.
+
+    Each frame is measured with the version in force when it was taken, and placed by its marks.
+    """
+
+    def change(session: Session) -> changes.Reply:
+        row = lookup.owned(session, Road, road_id, caller)
+        if not row.frames:
+            raise wrong("road", "has no frames: state them with their marks first")
+        job = jobs.enqueue(
+            session,
+            kind="measure",
+            subject_id=row.id,
+            organisation_id=caller.organisation_id,
+            by=caller.key_id,
+            parameters=plan_evaluation(session, row, _state_road(session, row)),
+            lane="measure",
+        )
+        return reply_queued(session, job)
+
+    return writing.run(caller, change)
+
+
+@router.get("/{road_id}/results/{number}", **answers.sends(schemas.RoadResultAnswer))
+def get_road_result(
+    road_id: lookup.Id, number: int, request: Request, caller: auth.Reader, context: UsesContext
+) -> Response:
+    """One evaluation: figures with their intervals, verdicts, points, control points and flags."""
+    with context.database.reading() as session:
+        answer = answer_result(session, find_result(session, road_id, number, caller))
+    states = "-".join(each.calibration_state for each in answer.frames)
+    tag = f"{answer.content_sha256}-{hash(states) & 0xFFFF:x}"
+    return answers.not_modified(request, tag, answers.standing_headers(tag)) or answer.respond(
+        answers.standing_headers(tag)
+    )
+
+
+@router.get("/{road_id}/results/{number}/points.csv", **answers.sends_file("text/csv"))
+def get_road_points_csv(
+    road_id: lookup.Id, number: int, caller: auth.Reader, context: UsesContext
+) -> Response:
+    """The points of the grid, a line each: place, illuminance and its relative standard uncertainty."""
+    with context.database.reading() as session:
+        row = find_result(session, road_id, number, caller)
+    return Response(tables.write_csv(row.result["points"]), media_type="text/csv; charset=utf-8")
+
+
+@router.get("/{road_id}/results/{number}/points.geojson", **answers.sends_file(GeoJson.media_type))
+def get_road_points_geojson(
+    road_id: lookup.Id, number: int, caller: auth.Reader, context: UsesContext
+) -> Response:
+    """Grid points and control points as GeoJSON: in degrees if the site has an origin, else in metres."""
+    with context.database.reading() as session:
+        row = find_result(session, road_id, number, caller)
+    stated = decode(site.Site, row.inputs["road"]["site"])
+    return GeoJson(drop_absent(geojson.write_points(stated, decode(Evaluated, row.result))))
+
+
+@router.get("/{road_id}/results/{number}/map.png", **answers.sends_stored_file("image/png"))
+def get_road_map(
+    road_id: lookup.Id, number: int, request: Request, caller: auth.Reader, context: UsesContext
+) -> Response:
+    """The road from above in false colours of illuminance; `map` of the evaluation names what it shows."""
+    with context.database.reading() as session:
+        row = find_result(session, road_id, number, caller)
+    if row.map_png_sha256 is None:
+        raise Problem(interface.NOT_FOUND, "This evaluation has no map.")
+    return answers.send_blob(request, context.files, row.map_png_sha256, "image/png", {})
+
+
+@router.get("/{road_id}/plan", response_model=schemas.RoadPlanAnswer)
+def plan_road(
+    road_id: lookup.Id,
+    wanted: Annotated[schemas.WantedPlan, Query()],
+    caller: auth.Reader,
+    context: UsesContext,
+) -> Response:
+    """Plan the control points and exposure times that are expected to reach these uncertainties."""
+    answer: models.Answer = schemas.RoadPlanAnswer.restate(make_plan(context, road_id, wanted, caller)[1])
+    return answer.respond()
+
+
+def make_plan(
+    context: Context, road_id: str, wanted: schemas.WantedPlan, caller: auth.Caller
+) -> tuple[Road, Plan]:
+    """Return a road and its plan."""
+    with context.database.reading() as session:
+        row = lookup.owned(session, Road, road_id, caller)
+        stated = _state_road(session, row)
+    return row, plan_points(stated, **wanted.model_dump())
+
+
+def find_result(session: Session, road_id: str, number: int, caller: auth.Caller) -> RoadResult:
+    row = lookup.owned(session, Road, road_id, caller)
+    found = session.scalar(select(RoadResult).filter_by(road_id=row.id, number=number))
+    if found is None:
+        raise Problem(interface.NOT_FOUND, f"This road has no evaluation {number}.")
+    return found
+
+
+def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:
+    stated = decode(site.Site, row.site)
+    grid = rules.find_rule(row.requirement["rule"]).grid
+    made = session.execute(
+        select(RoadResult.number, RoadResult.created_at, RoadResult.result["verdict"].as_string())
+        .where(RoadResult.road_id == row.id)
+        .order_by(RoadResult.number)
+    )
+    return schemas.RoadAnswer.restate(
+        row,
+        grid=list(lay_points(stated, grid)),
+        results=[
+            {"number": n, "created_at": at, "verdict": said, "link": f"/v1/roads/{row.id}/results/{n}"}
+            for n, at, said in made
+        ],
+    )
+
+
+def answer_result(session: Session, row: RoadResult) -> schemas.RoadResultAnswer:
+    own = f"/v1/roads/{row.road_id}/results/{row.number}"
+    figures = [
+        each | {"expanded_uncertainty": (each["high"] - each["low"]) / 2.0} for each in row.result["figures"]
+    ]
+    answer: schemas.RoadResultAnswer = schemas.RoadResultAnswer.restate(
+        {"figures": figures},
+        row.result,
+        row,
+        name=session.get_one(Road, row.road_id).name,
+        findings=models.group_flags(row.result["flags"]),
+        stated=row.inputs["road"],
+        frames=_list_frames(session, row),
+        links={name: f"{own}/{name}" for name in ("points.csv", "points.geojson", "report.pdf", "map.png")},
+    )
+    return answer
+
+
+def _list_frames(session: Session, row: RoadResult) -> list[schemas.EvaluatedFrame]:
+    used = row.inputs["frames"]
+    status = read_version_statuses(session, sorted({each["calibration_id"] for each in used}))
+    found = []
+    for each in used:
+        frame = session.get_one(FrameRow, each["frame_id"])
+        version = session.get_one(Calibration, each["calibration_id"])
+        camera = session.get_one(Camera, version.camera_id)
+        found.append(
+            schemas.EvaluatedFrame.restate(
+                each,
+                frame.header or {},
+                frame.exposure or {},
+                frame,
+                calibration_version=version.version,
+                calibration_state=status[version.id].state,
+                camera=f"{camera.make} {camera.model} {camera.serial}",
+                lens=each.get("geometry_id", "none"),
+            )
+        )
+    return found
+
+
+def _write(session: Session, row: Road, body: schemas.RoadChange, caller: auth.Caller) -> schemas.RoadAnswer:
+    """Write what was sent, and refuse a site or requirement that cannot be used."""
+    sent = body.model_dump(mode="json", exclude_none=True)
+    for frame in sent.get("frames", ()):
+        lookup.owned(session, FrameRow, frame["frame_id"], caller)
+    for name, value in sent.items():
+        setattr(row, name, value)
+    rules.find_criteria(decode(site.Requirement, row.requirement))
+    names = {
+        each.name
+        for each in lay_points(decode(site.Site, row.site), rules.find_rule(row.requirement["rule"]).grid)
+    }
+    if unknown := set(row.hidden or ()) - names:
+        raise wrong("body.hidden", f"names {min(unknown)!r}, which is no point of the grid")
+    session.add(row)
+    session.flush()
+    return answer_road(session, row)
+
+
+def _state_road(session: Session, row: Road) -> site.Road:
+    """Return the road with its control points in SI, and the meters behind them."""
+    meters: dict[str, site.Meter] = {}
+    control = []
+    for stored in row.points:
+        meter = session.get_one(Meter, stored["meter_id"]) if "meter_id" in stored else None
+        named = f"{meter.make} {meter.model} {meter.serial}" if meter else "meter without name"
+        u, k = (
+            (meter.certificate_expanded_uncertainty_rel, meter.certificate_coverage_factor)
+            if meter
+            else (None, None)
+        )
+        meters[named] = site.Meter(meter=named, u_rel=u / k if u and k else None)
+        factor = schemas.SI[stored["unit"]]
+        stated = {name: each for name, each in stored.items() if name not in {"unit", "meter_id"}}
+        values = [factor * value for value in stored["values"]]
+        control.append(decode(site.ControlPoint, stated | {"values": values, "meter": named}))
+    return site.Road(
+        site=decode(site.Site, row.site),
+        requirement=decode(site.Requirement, row.requirement),
+        conditions=decode(site.Conditions, row.conditions),
+        control=tuple(control),
+        meters=tuple(meters.values()),
+        hidden=tuple(row.hidden),
+    )

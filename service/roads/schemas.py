@@ -1,0 +1,207 @@
+"""Roads as requests state them and as they are answered."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from radiometry.road import grid, placing, results, rules, site
+from service.http import models
+from service.http.models import Answer, Form, Instant, LongText, Number, Text, maybe, told
+from store.queries.calibrations import VersionState
+from store.tables import Road, RoadResult
+
+MOST_POINTS = 500
+MOST_FRAMES = 100
+SI = {"lx": 1.0, "fc": 10.763910416709722, "cd/m2": 1.0, "fL": 3.4262590996353905}
+_UNITS = {"illuminance": ("lx", "fc"), "luminance": ("cd/m2", "fL")}
+Metres = Annotated[Number, Field(ge=-10_000, le=10_000)]
+
+
+class NewSite(models.model_of(site.Site, Form)):  # type: ignore[misc]
+    """Luminaires and surfaces of a stretch; x runs along the road and y across it, in metres."""
+
+
+class NewRequirement(models.model_of(site.Requirement, Form)):  # type: ignore[misc]
+    """Class of the road and how the verdict takes the uncertainty into account."""
+
+
+class NewConditions(models.model_of(site.Conditions, Form)):  # type: ignore[misc]
+    """State of the road and its lamps at the flight."""
+
+
+class NewMark(models.model_of(placing.Mark, Form)):  # type: ignore[misc]
+    """A point of the road that was found in the picture."""
+
+
+class RoadFrame(Form, Answer):
+    """A frame of the road, placed by what was marked in it."""
+
+    frame_id: Text
+    marks: list[NewMark] = told(
+        "Points of the road in the picture, which surround the field.", min_length=4, max_length=200
+    )
+
+
+class RoadPoint(Form, Answer):
+    """Readings of a meter at one place on the road."""
+
+    name: Text = told("Unique on the road.")
+    x_m: Metres = told("Place along the road.")
+    y_m: Metres = told("Place across, from the kerb.")
+    quantity: site.Quantity = told("`luminance` is read from straight above.")
+    unit: Literal["lx", "fc", "cd/m2", "fL"]
+    values: list[Annotated[Number, Field(gt=0, le=1e7)]] = told(
+        "Readings, repeated ones as often as they were taken.", min_length=1, max_length=9
+    )
+    meter_id: Text | None = maybe("The meter; without it, without a certificate.")
+    part: Text | None = maybe("Lane, walkway or area on which it lies; else the nearest.")
+    taken_at: Instant | None = None
+    left_out: LongText | None = maybe("Reason why a person left it out.")
+    u_rel: Annotated[Number, Field(gt=0, lt=1)] = told(
+        "Relative standard uncertainty of one reading: level, place, repeat.", default=0.03
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_values(cls, sent: Any) -> Any:  # noqa: ANN401  whatever was sent
+        """Take the columns value, value_2 and so on of a table as the readings."""
+        if not isinstance(sent, dict) or "value" not in sent:
+            return sent
+        named = {name for name in sent if name.startswith("value")}
+        return {name: each for name, each in sent.items() if name not in named} | {
+            "values": [sent[name] for name in sorted(named)]
+        }
+
+    @model_validator(mode="after")
+    def _unit_fits(self) -> "RoadPoint":
+        if self.unit not in _UNITS[self.quantity]:
+            raise ValueError(f"{self.quantity} is read in {' or '.join(_UNITS[self.quantity])}")
+        return self
+
+
+class SiteFeatures(Form):
+    """A site as a FeatureCollection, as `GET .../site.geojson` writes it."""
+
+    type: Literal["FeatureCollection"]
+    coordinates: Literal["deg", "m"] = told("Degrees of WGS 84, or metres of the road.")
+    features: list[dict[str, Any]] = told("Rows of luminaires first.", max_length=200)
+
+
+class RoadChange(Form):
+    """Corrections; what is left out stays."""
+
+    name: Text | None = None
+    site: NewSite | None = None
+    requirement: NewRequirement | None = None
+    conditions: NewConditions | None = None
+    frames: list[RoadFrame] | None = maybe("All frames of the road.", max_length=MOST_FRAMES)
+    hidden: list[Text] | None = maybe(
+        "Names of grid points that a car or a tree hides.", max_length=grid.MOST_POINTS
+    )
+
+
+class NewRoad(RoadChange):
+    """A road on one night."""
+
+    name: Text
+    site: NewSite
+    requirement: NewRequirement
+
+
+class RoadPoints(Answer):
+    items: list[RoadPoint]
+
+
+class RoadResultSummary(Answer, restates=RoadResult, fields="number created_at"):
+    verdict: results.Verdict
+    link: str
+
+
+class GridPointAnswer(Answer, restates=grid.GridPoint):
+    """A point of the grid."""
+
+
+class RoadAnswer(Answer, restates=Road, fields="id name hidden created_at"):
+    """A road as it is stated, with its grid and its evaluations, the newest last."""
+
+    site: models.model_of(site.Site, Answer)  # type: ignore[valid-type]
+    requirement: models.model_of(site.Requirement, Answer)  # type: ignore[valid-type]
+    conditions: models.model_of(site.Conditions, Answer)  # type: ignore[valid-type]
+    frames: list[RoadFrame]
+    points: list[RoadPoint]
+    grid: list[GridPointAnswer]
+    results: list[RoadResultSummary]
+
+
+class RoadRuleAnswer(models.model_of(rules.Rule, Answer)):  # type: ignore[misc]
+    """A rule: its figures, with their source and date, and how they were read."""
+
+
+class RoadRules(Answer):
+    items: list[RoadRuleAnswer]
+
+
+class WantedPlan(Form):
+    """Expanded uncertainties that a flight is to reach, as shares of the figures."""
+
+    e_av_u_rel: float = told("Of E_av.", default=0.06, gt=0, lt=1)
+    u_0_u_rel: float = told("Of U_0.", default=0.05, gt=0, lt=1)
+
+
+class RoadPlanAnswer(models.model_of(results.Plan, Answer)):  # type: ignore[misc]
+    """Control points and exposures for a flight."""
+
+
+class FigureAnswer(Answer, restates=results.FigureResult):
+    """A figure with its uncertainty."""
+
+    expanded_uncertainty: float = told("Half of the interval that has the figure with 95 %.")
+
+
+class StatedRoad(models.model_of(site.Road, Answer)):  # type: ignore[misc]
+    """All that was stated of a road when it was evaluated, readings in lx and cd/m2."""
+
+
+class EvaluatedFrame(Answer):
+    """A frame of an evaluation, with the version that it was measured with."""
+
+    frame_id: str
+    filename: str
+    sha256: str
+    taken_at: str | None = None
+    exposure_time_s: float
+    f_number: float
+    iso: float
+    altitude_m: float | None = None
+    calibration_id: str
+    calibration_version: int
+    calibration_state: VersionState = told("As it stands now.")
+    camera: str = told("Make, model and serial number.")
+    lens: str = told("`none`, or the id of the geometry version that its distortion was corrected with.")
+
+
+class MapExtent(Answer):
+    """Part of the road that `map.png` shows: E on the road from above, x to the right and y downwards."""
+
+    x_m: list[float] = told("From and to, along the road.")
+    y_m: list[float] = told("From and to, across.")
+    lx: list[float] = told("Ends of the logarithmic colours.")
+
+
+class RoadResultAnswer(models.model_of(results.RoadResult, Answer)):  # type: ignore[misc]
+    """One evaluation of a road, which never changes."""
+
+    id: str
+    road_id: str
+    name: str
+    number: int
+    figures: list[FigureAnswer]
+    findings: list[models.FindingGroupAnswer] = told("The flags, equal ones as one.")
+    stated: StatedRoad
+    frames: list[EvaluatedFrame]
+    map: MapExtent | None = None
+    links: dict[str, str]
+    software: dict[str, Any]
+    content_sha256: str
+    created_at: Instant
+    created_by: str

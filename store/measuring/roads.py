@@ -1,0 +1,111 @@
+"""Plan of a road's evaluation for the worker, and the evaluation as it is kept."""
+
+import hashlib
+import json
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from radiometry import methods
+from radiometry.findings import shared
+from radiometry.road.site import Road as StatedRoad
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from store import files, software
+from store.blobs import StoredBlob
+from store.codec import decode_exposure, encode, read_applied
+from store.measuring.plan import read_proof, require_read, require_whole
+from store.measuring.version import choose_version, find_falloff, read_lens
+from store.publications import in_force
+from store.queries.frame_times import FrameClocks
+from store.tables import Calibration, Campaign, FrameRow, Json, Road, RoadResult
+
+RESULT_SCHEMA = 1
+
+
+def plan_evaluation(session: Session, row: Road, stated: StatedRoad) -> Json:
+    """Return the parameters of the job: what is decided here cannot change while it waits."""
+    clocks = FrameClocks(session)
+    return {"road": encode(stated), "frames": [_plan_frame(session, clocks, each) for each in row.frames]}
+
+
+def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
+    frame = session.get_one(FrameRow, stated["frame_id"])
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    require_read(frame, campaign.method)
+    require_whole(frame, read_proof(frame), ())
+    application = methods.get_method(campaign.method).application
+    if not isinstance(application, SurfaceApplication):
+        raise shared.OPTION_NOT_OF_METHOD.reject(f"Frame {frame.filename} is not of a luminance campaign.")
+    calibration, _, why = choose_version(session, frame, campaign, None)
+    exposure, header = decode_exposure(frame.exposure or {}), frame.header or {}
+    coefficient = application.choose_coefficient(read_applied(calibration), iso=exposure.iso)
+    falloff, lens = find_falloff(session, calibration), read_lens(calibration, exposure)
+    if lens is not None:
+        channels = application.name_channels(header["cfa"], channel=coefficient.channel)
+        lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
+    geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
+    return {
+        **stated,
+        "sha256": frame.sha256,
+        "calibration_id": calibration.id,
+        "why": why,
+        **({falloff.method: {"calibration_id": falloff.id}} if falloff else {}),
+        **({"geometry_id": geometry.id} if geometry else {}),
+    }
+
+
+def _find_geometry(
+    session: Session, clocks: FrameClocks, frame: FrameRow, camera_id: str
+) -> Calibration | None:
+    """Return the one geometry of the camera in force when a frame of its size was taken."""
+    taken, header = clocks.find(frame), frame.header or {}
+    if taken is None:
+        return None
+    spec = next(each for each in methods.METHODS if isinstance(each.application, PictureApplication))
+    found = in_force(session, camera_id=camera_id, method=spec.name, at=taken.earliest, until=taken.latest)
+    fitting = [
+        held.calibration
+        for held in found
+        if held.holds(taken.earliest, taken.latest)
+        and all(
+            getattr(read_applied(held.calibration), name) == header[name]
+            for name in ("height_px", "width_px")
+        )
+    ]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def write_result(
+    session: Session,
+    row: Road,
+    parameters: Json,
+    result: Json,
+    picture: StoredBlob | None,
+    *,
+    by: str,
+) -> RoadResult:
+    """Write an evaluation once; the same content again is the one that exists."""
+    if picture is not None:
+        files.keep_blobs(session, [picture])
+    session.get_one(Road, row.id, with_for_update=True)
+    content = json.dumps([parameters, software.MEASURER], sort_keys=True).encode()
+    content_sha256 = hashlib.sha256(content).hexdigest()
+    mine = select(RoadResult).where(RoadResult.road_id == row.id)
+    if (found := session.scalar(mine.filter_by(content_sha256=content_sha256))) is not None:
+        return found
+    last = session.scalar(select(func.max(RoadResult.number)).where(RoadResult.road_id == row.id)) or 0
+    made = RoadResult(
+        organisation_id=row.organisation_id,
+        road_id=row.id,
+        number=last + 1,
+        inputs=parameters,
+        result=result,
+        result_schema=RESULT_SCHEMA,
+        software={"stilb": software.read_version(), "measurer": software.MEASURER},
+        content_sha256=content_sha256,
+        map_png_sha256=picture.sha256 if picture else None,
+        created_by=by,
+    )
+    session.add(made)
+    session.flush()
+    return made

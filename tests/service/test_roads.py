@@ -1,0 +1,178 @@
+"""Roads through HTTP and the worker: stated, read, evaluated, exported."""
+
+import csv
+import io
+
+import numpy as np
+import pypdf
+import pytest
+
+from tests.support.roads import (
+    MARKS,
+    METER,
+    REQUIREMENT,
+    RULE,
+    SITE,
+    evaluate,
+    evaluate_road,
+    illuminate,
+    list_points,
+    state_road,
+)
+
+pytestmark = pytest.mark.either_database
+
+
+@pytest.fixture
+def road(staged):
+    return staged(state_road)
+
+
+def test_rules_are_dated_and_name_their_source(house):
+    rules = {each["name"]: each for each in house.get("/v1/road-rules")["items"]}
+    rule = rules[RULE]
+    assert rule["date"] == "2015-12-01"
+    assert "memory" in rule["read"]
+    c3 = next(each for each in rule["classes"] if each["name"] == "C3")
+    assert c3["criteria"] == [{"figure": "e_av", "at_least": 15.0}, {"figure": "u_0", "at_least": 0.4}]
+
+
+def test_a_road_is_answered_as_it_was_stated_with_the_grid_of_its_rule(house, road):
+    assert road["site"] == {name: road["site"][name] for name in SITE}
+    assert len(road["grid"]) == 10 * 6  # S = 30 m: N = 10; three rows a lane
+    assert road["grid"][0] == {"name": "1/1-1", "part": "1", "row": 1, "column": 1, "x_m": 1.5, "y_m": 0.5}
+    assert [len(each["marks"]) for each in road["frames"]] == [len(MARKS)] * 2
+    assert house.get("/v1/roads")["items"] == [road]
+    changed = house.http.patch(f"/v1/roads/{road['id']}", json={"hidden": ["2/3-10"]}).json()
+    assert (changed["hidden"], changed["site"]) == (["2/3-10"], road["site"])
+
+
+def test_control_points_from_a_spreadsheet_are_those_of_json(house, road):
+    path = f"/v1/roads/{road['id']}/points"
+    sent = house.get(path)["items"]
+    out = io.StringIO()
+    writer = csv.writer(out, delimiter=";")
+    writer.writerow(["name", "x_m", "y_m", "quantity", "unit", "value", "value_2", "meter_id"])
+    for point in sent:
+        cells = [f"{each:.6f}".replace(".", ",") for each in (point["x_m"], point["y_m"], *point["values"])]
+        writer.writerow([point["name"], *cells[:2], "illuminance", "lx", *cells[2:], point["meter_id"]])
+    answer = house.http.put(path, content=out.getvalue(), headers={"Content-Type": "text/csv"})
+    assert answer.status_code == 200, answer.text
+    kept = house.get(path)["items"]
+    assert [each["values"] for each in kept] == [pytest.approx(each["values"], abs=1e-6) for each in sent]
+    assert [each["name"] for each in kept] == [each["name"] for each in sent]
+    bad = house.http.put(path, content="name;x_m\nP1;2", headers={"Content-Type": "text/csv"})
+    assert (bad.status_code, bad.json()["errors"][0]["field"]) == (422, "line 1")
+
+
+def test_what_cannot_be_used_is_refused_by_name(house, road):
+    def refuse(path, body, method="post"):
+        answer = house.http.request(method, path, json=body)
+        assert answer.status_code == 422, answer.text
+        return answer.json()
+
+    stated = {"name": "x", "site": SITE, "requirement": REQUIREMENT}
+    assert refuse("/v1/roads", stated | {"site": SITE | {"strips": []}})["code"] == "site_invalid"
+    unknown = refuse("/v1/roads", stated | {"requirement": REQUIREMENT | {"road_class": "C9"}})
+    assert unknown["code"] == "road_rule_unknown"
+    assert "body.hidden" in refuse("/v1/roads", stated | {"hidden": ["3/1-1"]})["detail"]
+    few = refuse("/v1/roads", stated | {"frames": [{"frame_id": "frm_1", "marks": MARKS[:3]}]})
+    assert few["errors"][0]["field"] == "body.frames.0.marks"
+    path, points = (
+        f"/v1/roads/{road['id']}/points",
+        list_points(house.post("/v1/meters", METER, status=200)["id"]),
+    )
+    refuse(path, [points[0], points[0]], "put")
+    refuse(path, [points[0] | {"unit": "cd/m2"}], "put")
+    without = house.post("/v1/roads", stated)
+    assert "frames" in refuse(f"/v1/roads/{without['id']}/evaluate", None)["detail"]
+
+
+@pytest.fixture
+def evaluated(staged):
+    return staged(evaluate_road)
+
+
+def read_pdf(content):
+    return [page.extract_text().replace("\u200b", "") for page in pypdf.PdfReader(io.BytesIO(content)).pages]
+
+
+def figures(result):
+    return {each["figure"]: each for each in result["figures"]}
+
+
+def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
+    """Matt pavement without patches: E on the grid is that of the formula, within the meter's 2 %."""
+    truth = np.array([float(illuminate(each["x_m"], each["y_m"])) for each in evaluated["points"]])
+    found = np.array([each["illuminance_lx"] for each in evaluated["points"]])
+    assert np.abs(found / (truth * 1.005) - 1.0).max() < 3 * 0.025
+    known = figures(evaluated)
+    assert known["e_av"]["low"] < truth.mean() < known["e_av"]["high"]
+    assert known["u_0"]["low"] < truth.min() / truth.mean() < known["u_0"]["high"]
+    assert known["e_av"]["expanded_uncertainty"] < 0.08 * truth.mean()
+    assert evaluated["verdict"] == "conforms"
+    assert {each["figure"]: each["verdict"] for each in evaluated["criteria"]} == {
+        "e_av": "conforms",
+        "u_0": "conforms",
+    }
+    assert {each["state"] for each in evaluated["control"]} == {"agrees"}
+    (used,) = {(each["calibration_state"], each["lens"]) for each in evaluated["frames"]}
+    assert used == ("published", "none")
+    again = evaluate(house, {"id": evaluated["road_id"]})
+    assert (again["number"], again["content_sha256"]) == (1, evaluated["content_sha256"])
+
+
+def test_a_wrong_control_point_is_named_and_not_used(house, road):
+    path = f"/v1/roads/{road['id']}/points"
+    points = house.get(path)["items"]
+    points[2]["values"] = [2 * each for each in points[2]["values"]]
+    assert house.http.put(path, json=points).status_code == 200
+    result = evaluate(house, road)
+    states = {each["name"]: each["state"] for each in result["control"]}
+    assert [name for name, state in states.items() if state != "agrees"] == ["P3"]
+    assert any("P3" in each["where"] + each["detail"] for each in result["flags"]), result["flags"]
+    truth = np.array([float(illuminate(each["x_m"], each["y_m"])) for each in result["points"]])
+    assert figures(result)["e_av"]["low"] < truth.mean() < figures(result)["e_av"]["high"]
+
+
+def test_points_map_and_papers_of_an_evaluation(house, evaluated):
+    links = evaluated["links"]
+    rows = list(csv.DictReader(io.StringIO(house.http.get(links["points.csv"]).text)))
+    assert [row["name"] for row in rows] == [each["name"] for each in evaluated["points"]]
+    assert float(rows[0]["illuminance_lx"]) == evaluated["points"][0]["illuminance_lx"]
+    assert house.http.get(links["map.png"]).content.startswith(b"\x89PNG")
+    pdf = house.http.get(links["report.pdf"]).content
+    report = read_pdf(pdf)
+    assert len(report) == 2
+    for words in ("Conforms against class C4", "EN 13201-2:2015", "T-10A 40027731", "N = 10"):
+        assert words in report[0], words
+    for words in ("Average E_av", "P8", "Measured by"):
+        assert words in report[1], words
+
+
+def test_a_site_goes_out_and_in_as_geojson(house, road):
+    path = f"/v1/roads/{road['id']}"
+    origin = {"longitude_deg": 10.0, "latitude_deg": 53.5, "bearing_deg": 90.0, "y_to_the_right": True}
+    placed = house.http.patch(path, json={"site": SITE | {"origin": origin}}).json()
+    site = house.get(f"{path}/site.geojson")
+    assert site["features"][0]["geometry"]["coordinates"][1][0] > 10.0004  # 30 m to the east
+    again = house.http.put(f"{path}/site.geojson", json=site)
+    assert again.status_code == 200, again.text
+    for one, other in zip(again.json()["grid"], placed["grid"], strict=True):
+        # y = 0 is then at the first luminaire
+        assert (one["x_m"], one["y_m"]) == pytest.approx((other["x_m"], other["y_m"] + 1.0), abs=1e-3)
+    assert house.http.put(f"{path}/site.geojson", json=site | {"features": []}).status_code == 422
+
+
+def test_a_plan_names_points_and_times_and_is_printed_on_two_sides(house, road):
+    path = f"/v1/roads/{road['id']}"
+    plan = house.get(f"{path}/plan", e_av_u_rel=0.06, u_0_u_rel=0.05)
+    assert plan["is_reached"]
+    assert plan["e_av_u_rel"] <= 0.06
+    assert [each["is_spare"] for each in plan["points"]].count(True) == 1
+    # whole half periods of 50 Hz, and never 1/60 s
+    assert all(abs(100 * each["time_s"] - round(100 * each["time_s"])) < 1e-9 for each in plan["times"])
+    card = read_pdf(house.http.get(f"{path}/plan.pdf").content)
+    assert len(card) == 2
+    assert "Pole A" in card[0]
+    assert f"Read {len(plan['points']) - 1} points" in card[1]

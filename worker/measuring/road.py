@@ -1,0 +1,231 @@
+"""Luminances of a road's points in its frames, and the road seen from above."""
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from radiometry.frame import Frame
+from radiometry.frame.roi import Polygon, Window, bounding_window, mask
+from radiometry.methods import get_method
+from radiometry.records import Record
+from radiometry.road.placing import Camera, Mark, Placement, PlainCamera, place_frame
+from radiometry.road.results import RoadResult
+from radiometry.road.site import Reading, Scale, Site
+from radiometry.specification.application import SurfaceApplication
+from radiometry.spectral import mismatch
+from store.codec import read_applied
+from store.measuring import version
+from store.tables import Calibration
+from worker.maps import picture
+from worker.measuring import surface
+from worker.measuring.task import Task
+
+Array = NDArray[np.float64]
+
+METER: Final = "meter calibration"
+_USUAL_VIEW: Final = 1.0
+"""Focal length over the frame's width where no geometry is in force: 53 degrees wide."""
+_MARGIN_M: Final = 5.0
+_MOST_PX: Final = 1200
+_FINEST_M: Final = 0.05
+_LEAST_KNOWN: Final = 0.99
+"""Share of a square's pixels that are not saturated."""
+
+
+class View(Record):
+    """The part of a road that its picture shows, and the places of its pixels."""
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float]
+    places_m: Array
+    shape: tuple[int, int]
+
+
+def lay_view(site: Site) -> View:
+    """Lay the pixels of a picture over the field and what lies around it."""
+    corners = [corner for area in site.areas for corner in area.corners_m]
+    across = [at for each in site.strips for at in (each.y_m, each.y_m + each.width_m)]
+    xs, ys = [*site.field_m, *(x for x, _ in corners)], [*across, *(y for _, y in corners)]
+    x, y = ((min(each) - _MARGIN_M, max(each) + _MARGIN_M) for each in (xs, ys))
+    pixel_m = max(_FINEST_M, max(x[1] - x[0], y[1] - y[0]) / _MOST_PX)
+    across_m, along_m = (
+        np.arange(low + pixel_m / 2.0, high, pixel_m) for low, high in ((y[0], y[1]), (x[0], x[1]))
+    )
+    places = np.stack(np.meshgrid(along_m, across_m), axis=-1)
+    return View(x_m=x, y_m=y, places_m=places.reshape(-1, 2), shape=(len(across_m), len(along_m)))
+
+
+class Seen(Record):
+    """Readings of one frame, and its luminances over the view; NaN where it shows none."""
+
+    readings: tuple[Reading, ...]
+    above_cd_m2: Array
+
+
+class RoadReader:
+    """Reads the frames of a road; what frames of one setting share is found once."""
+
+    def __init__(self, site: Site, places_m: Mapping[str, tuple[float, float]], conditions: Any) -> None:  # noqa: ANN401
+        self._site = site
+        self._names, self._places_m = list(places_m), np.array(list(places_m.values()), np.float64)
+        self._conditions = conditions
+        self.view = lay_view(site)
+        self._measured: dict[Any, Any] = {}
+        self.scales: list[Scale] = []
+
+    def read(self, task: Task, marks: Sequence[Mark], geometry: Calibration | None) -> Seen:
+        """Read every point of the road that a frame shows whole."""
+        placed, header = place_frame(marks, _find_camera(task, geometry)), task.header
+        outlines = placed.outline(self._places_m, self._site.receiver_m)
+        shown = {
+            i: each for i, each in enumerate(outlines) if _is_inside(each, header.width_px, header.height_px)
+        }
+        above = np.full(len(self.view.places_m), np.nan)
+        if not shown:
+            return Seen(readings=(), above_cd_m2=above)
+        pixels = np.floor(placed.to_image(self.view.places_m)).astype(np.intp)
+        within = np.all((pixels >= 0) & (pixels < (header.width_px, header.height_px)), axis=1)
+        spots = np.concatenate([pixels[within], *(np.array(each.points) for each in shown.values())])
+        window = _bound(spots, header.width_px, header.height_px)
+        frame = task.decoders.read_window(task.file, (window.row0, window.col0, window.height, window.width))
+        plane = self._convert(task, frame, list(shown.values())[len(shown) // 2])
+        cols, rows = (pixels[within] - (window.col0, window.row0)).T
+        above[within] = plane[rows, cols]
+        readings = list(self._read_places(task, frame, plane, shown, placed))
+        return Seen(readings=tuple(readings), above_cd_m2=above)
+
+    def _convert(self, task: Task, frame: Frame, middle: Polygon) -> NDArray[np.float32]:
+        """Convert a window to luminances, with the corrections of the first frame of these settings."""
+        application = get_method(task.calibration.method).application
+        assert isinstance(application, SurfaceApplication)  # noqa: S101  the plan let no other through
+        key = task.calibration.id, task.exposure
+        if key not in self._measured:
+            stated = {"polygon": [list(corner) for corner in middle.points], "conditions": self._conditions}
+            measured = surface.measure_region(replace(task, parameters=task.parameters | stated), application)
+            self._measured[key] = measured
+            self.scales.append(_find_scale(task, application, measured))
+        scale = application.find_map_scale(
+            read_applied(task.calibration),
+            task.exposure,
+            lens=version.read_lens(task.calibration, task.exposure),
+            corrections=self._measured[key].corrections,
+        )
+        plane: NDArray[np.float32] = application.compute_map(frame, scale)
+        return plane
+
+    def _read_places(
+        self,
+        task: Task,
+        frame: Frame,
+        plane: NDArray[np.float32],
+        shown: Mapping[int, Polygon],
+        placed: Placement,
+    ) -> Any:  # noqa: ANN401  a generator
+        views, places_u_m = placed.find_views(self._places_m), placed.estimate_u_m(self._places_m)
+        for i, outline in shown.items():
+            part = bounding_window(outline, height_px=frame.height_px, width_px=frame.width_px)
+            row0, col0 = part.row0 - frame.row0, part.col0 - frame.col0
+            cut = slice(row0, row0 + part.height), slice(col0, col0 + part.width)
+            inside = mask(outline, part)
+            values = plane[cut][inside].astype(np.float64)
+            known = values[np.isfinite(values)]
+            if len(known) < _LEAST_KNOWN * len(values) or not (mean := float(known.mean())) > 0.0:
+                continue
+            yield Reading(
+                place=self._names[i],
+                frame=task.frame.id,
+                luminance_cd_m2=mean,
+                u_rel=float(known.std()) / math.sqrt(len(known)) / mean,
+                view_deg=float(views[i]),
+                place_u_m=float(places_u_m[i]),
+                colour=_read_colour(frame, cut, inside),
+            )
+
+
+def choose_scale(scales: Sequence[Scale]) -> Scale:
+    """Return the scale of the largest uncertainty."""
+    return max(scales, key=lambda each: math.hypot(each.u_rel, each.meter_u_rel, each.spectral_u_rel))
+
+
+def draw_road(view: View, luminances: Sequence[Array], result: RoadResult) -> tuple[bytes, dict[str, Any]]:
+    """Draw the illuminance from above: a PNG in false colours, and what it shows."""
+    pairs = [(each.illuminance_lx, each.luminance_cd_m2) for each in result.points if each.luminance_cd_m2]
+    factor = float(np.median([lux / luminance for lux, luminance in pairs]))
+    stack = np.stack(luminances)
+    seen = np.isfinite(stack)
+    counts = seen.sum(axis=0)
+    lux = factor * np.where(seen, stack, 0.0).sum(axis=0) / np.where(counts, counts, 1)
+    on_points = np.array([each.illuminance_lx for each in result.points])
+    scale = picture.Scale(float(on_points.min()) / 1.5, float(on_points.max()) * 1.5)
+    pixels = picture.make_colours()[scale.place(lux)]
+    pixels[counts == 0] = 255
+    out = io.BytesIO()
+    Image.fromarray(pixels.reshape(*view.shape, 3)).save(out, "PNG")
+    told = {"x_m": list(view.x_m), "y_m": list(view.y_m), "lx": [scale.low, scale.high]}
+    return out.getvalue(), told
+
+
+def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> Scale:  # noqa: ANN401
+    """Return what all luminances of these settings share, and the meter and lamp behind K."""
+    mean = abs(measured.mean.value)
+    shared = {each.source: each.standard_uncertainty_cd_m2 / mean for each in measured.budget if each.shared}
+    meter_u_rel, spectral_u_rel = shared.pop(METER, 0.0), shared.pop(mismatch.SOURCE, 0.0)
+    coefficients, meters = read_applied(task.calibration), task.calibration.inputs.get("meters", [])
+    lit = application.choose_coefficient(coefficients, iso=task.exposure.iso).conditions
+    named = {f"{m['make']} {m['model']} {m['serial']}" for m in meters if m["kind"] == "luminance"}
+    return Scale(
+        u_rel=math.hypot(*shared.values()),
+        meter=min(named, default=None),
+        meter_u_rel=meter_u_rel,
+        spectral_u_rel=spectral_u_rel,
+        lamp_kind=lit.lamp_kind if lit else None,
+    )
+
+
+def _find_camera(task: Task, geometry: Calibration | None) -> Camera:
+    """Return the camera of the geometry in force, else one without distortion and of a usual lens."""
+    if geometry is not None:
+        camera: Camera = read_applied(geometry)
+        return camera
+    size = {"height_px": task.header.height_px, "width_px": task.header.width_px}
+    return PlainCamera(focal_px=_USUAL_VIEW * task.header.width_px, **size)
+
+
+def _is_inside(outline: Polygon, width_px: int, height_px: int) -> bool:
+    corners = np.array(outline.points)
+    return bool(np.all((corners >= 0.0) & (corners <= (width_px, height_px))))
+
+
+def _bound(spots: Array, width_px: int, height_px: int) -> Window:
+    """Return the window around places in a frame, with a pixel more on each side."""
+    low = np.maximum(np.floor(spots.min(axis=0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(spots.max(axis=0)).astype(int) + 2, (width_px, height_px))
+    (col0, row0), (width, height) = low.tolist(), (high - low).tolist()
+    return Window(row0=row0, col0=col0, height=height, width=width)
+
+
+def _read_colour(
+    frame: Frame, cut: tuple[slice, slice], inside: NDArray[np.bool_]
+) -> tuple[float, float] | None:
+    """Return R/G and B/G above black of a square; None of a frame without colours."""
+    samples = frame.samples_dn[cut][inside].astype(np.float64)
+    black = np.array(frame.black_level_dn)
+    if frame.cfa == "rgb":
+        red, green, blue = samples.mean(axis=0) - black
+    elif len(frame.cfa) == 4:
+        rows, cols = np.nonzero(inside)
+        sites = 2 * ((rows + frame.row0 + cut[0].start) % 2) + (cols + frame.col0 + cut[1].start) % 2
+        above = samples - black[sites]
+        letters = np.array(list(frame.cfa))[sites]
+        red, green, blue = (
+            float(above[letters == each].mean()) if np.any(letters == each) else 0.0 for each in "RGB"
+        )
+    else:
+        return None
+    return (float(red / green), float(blue / green)) if min(red, green, blue) > 0.0 else None
