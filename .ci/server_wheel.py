@@ -70,7 +70,6 @@ def describe(root: Path) -> str:
             "dependencies": groups["server"],
         },
         "[project.authors]": project["authors"][0],
-        "project.optional-dependencies": {"otel": groups["otel"]},
         "project.scripts": {"stilb-server": "service.command:main", "stilb-verify": "verify.__main__:main"},
         "tool.uv.build-backend": {"module-name": list(ROOMS), "module-root": "", "namespace": True},
     }

@@ -21,7 +21,7 @@ from service.http.processes import Server, Traffic, Vitals, serve_forked, share_
 from service.jobs.watch import JobWatch
 from service.launch import folder, key
 from service.system.health import Health
-from store import logs, tracing
+from store import logs
 from store.blobs import blobs_from_url, partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers
 from store.jobs.processes import Presence, repeat, sweep_floor
@@ -76,7 +76,6 @@ def build_context(settings: Settings) -> Context:
 def main() -> int:
     settings = read_settings()
     logs.configure_logging(settings.log)
-    tracing.configure_tracing("service")
     secret = settings.key.get_secret_value()
     try:
         folder.close_to_others(settings.data.absolute(), folder.report)

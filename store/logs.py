@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
-from store import database, tracing
+from store import database, log_fields
 
 _EXPECTED = (OperationalError, InterfaceError, NoConnectionFree, ConnectionError, TimeoutError)
 # by name: few processes load what talks to the broker
@@ -29,7 +29,7 @@ def configure_logging(form: str) -> None:
 
 
 def add_fields(record: logging.LogRecord) -> bool:
-    record.fields = {**tracing.present_fields(), **getattr(record, "fields", {})}
+    record.fields = {**log_fields.present_fields(), **getattr(record, "fields", {})}
     return True
 
 

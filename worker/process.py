@@ -13,7 +13,7 @@ from celery import Task, signals
 from celery.exceptions import Retry
 from sqlalchemy.exc import SQLAlchemyError
 
-from store import jobs, logs, pulse, tracing
+from store import jobs, logs, pulse
 from store.blobs.partials import Partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema, summarise
 from store.jobs import processes, queues
@@ -120,7 +120,6 @@ def begin(**_: object) -> None:
     share_one_arena()
     keep_memory()
     decoders.share()
-    tracing.configure_tracing("worker")
     context = build_context(app.settings, decoders, _mine["database"])
     presence = processes.Presence(
         context.database, "worker", decoder_sandbox=_mine["sandbox"], job_seconds=context.durations.found

@@ -12,7 +12,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files, interface
-from store import jobs, tracing
+from store import jobs, log_fields
 from store.blobs import BlobDamaged, Blobs, StorageFull, StorageUnavailable
 from store.database import SchemaDiffers, summarise
 from store.files import describe_damage
@@ -57,8 +57,7 @@ def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
     if claim.request_id:
         told["request_id"] = claim.request_id
     known = {"job_id": claim.job_id, **told}
-    traced = tracing.span(f"job {claim.kind}", kind="CONSUMER", parent=claim.traceparent, known=known)
-    with context.leases.hold(claim), tracing.fields(**known), traced as note:
+    with context.leases.hold(claim), log_fields.fields(**known):
         ending = _work(context, claim)
         try:
             try:
@@ -77,7 +76,6 @@ def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
         took_s = time.monotonic() - began
         context.durations.observe(claim.kind, took_s)
         log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})
-        note(ended, failed=ended["state"] == "failed")
         return ended
 
 

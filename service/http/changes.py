@@ -17,9 +17,9 @@ from radiometry.findings import interface
 from radiometry.records import Record
 from service.http import auth, models, problems
 from service.http.context import Context, UsesContext
+from store.log_fields import present_fields
 from store.queries.usage import charge
 from store.tables import IdempotentAnswer, Job
-from store.tracing import present_fields
 
 _ATTEMPTS = 3
 REPLAYED = "Idempotent-Replayed"

@@ -35,9 +35,9 @@ from service.launch.folder import Exit, report
 from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor, die_with_parent
 from service.system.health import Metrics
 from store.jobs.processes import Presence
+from store.log_fields import fields
 from store.pulse import Pulse
 from store.settings import Settings
-from store.tracing import fields, span
 
 _TO_END_S = 4.0
 """What a process needs to end once its own grace is over, less than this one is given."""
@@ -191,7 +191,6 @@ _PLAIN = re.compile(r"[\w.:-]{1,64}", re.ASCII)
 _REFUSED = frozenset({401, 403})
 _UNLOGGED = ("/livez", "/readyz", "/metrics", "/static/")
 _LINGER_S = 1.0
-_OURS = 500
 _METHODS = frozenset(HTTPMethod)
 
 
@@ -238,10 +237,7 @@ class Traffic:
         self._open.add(exchange)
         self._empty.clear()
         began = monotonic()
-        known, parent = {"request_id": exchange.request_id}, Headers(scope=scope).get("traceparent")
-        wanted = not scope["path"].startswith(_UNLOGGED)
-        traced = span("request", kind="SERVER", parent=parent, known=known, wanted=wanted)
-        with fields(**known), traced as note:
+        with fields(request_id=exchange.request_id):
             try:
                 await app(scope, receive, exchange.send)
             except asyncio.CancelledError:
@@ -258,7 +254,6 @@ class Traffic:
                 took_s = monotonic() - began
                 self.metrics.observe(method, route, exchange.status, took_s=took_s)
                 told = {"method": method, "route": route, "status": exchange.status}
-                note(told, name=f"{method} {route}", failed=exchange.status >= _OURS)
                 is_refused = exchange.status in _REFUSED
                 if is_refused:
                     told["address"] = name_address((scope.get("client") or [None])[0])

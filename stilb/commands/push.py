@@ -1,6 +1,5 @@
 """Upload of frames from a folder or a card to a campaign."""
 
-import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,8 +17,6 @@ from stilb.commands.terminal import lines, showing, table, tell_retry
 from stilb.field.files import ANY_RULES, NIGHT_RULES, ROLES, FieldFile, Rule, place_files, quote, sort_files
 from stilb.field.plan import FILENAME, find_planned, read_plan
 from stilb.field.push import Journal, Report, Told, Watch, as_json, push_files
-from stilb.field.startup import describe_entry
-from stilb.login import read_login
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign
 
@@ -30,13 +27,6 @@ Folder = Annotated[
     Path, typer.Argument(metavar="FOLDER", exists=True, file_okay=False, help="Folder with the frames.")
 ]
 Wait = Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the verdicts.")]
-AtLogin = Annotated[
-    bool | None,
-    typer.Option(
-        "--at-login/--no-at-login",
-        help="With --watch: follow it again after each login, as after a reboot; or no longer.",
-    ),
-]
 Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two checks.")]
 
 
@@ -54,7 +44,6 @@ def push(  # noqa: PLR0913  each is an option
     *,
     watch: bool = typer.Option(False, "--watch", help="Follow the folder until Ctrl-C."),
     every: Every = 2.0,
-    at_login: AtLogin = None,
     wait: Wait = True,
     receipt: Path | None = typer.Option(None, help="Where to write the receipt."),
     dry_run: bool = typer.Option(False, "--dry-run", help="Only show role and scene of each file."),
@@ -69,13 +58,6 @@ def push(  # noqa: PLR0913  each is an option
         raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
     if scene is not None and role is None:
         raise typer.BadParameter("--scene needs --role")
-    if at_login is not None and not watch:
-        raise typer.BadParameter("--at-login needs --watch")
-    if at_login is False:
-        ended = describe_entry(folder, []).remove()
-        words = "is not followed after a login any more" if ended else "was not followed after a login"
-        output.answer({"ended": ended}, f"{folder} {words}")
-        return
     # what the caller or campaign.toml states of the files; nothing where it is to be proposed
     planned = role is None and (folder / FILENAME).exists()
     rules = read_plan(folder).rules if planned else (Rule(role=role, scene=scene),) if role else ()
@@ -84,11 +66,6 @@ def push(  # noqa: PLR0913  each is an option
         return
     find = partial(_find_campaign, output, folder, campaign)
     campaign_id = (_wait_for_service(output, find, every_s=every) if watch else find()).id
-    if watch and at_login:
-        more = ["--role", role, *(["--scene", scene] if scene else [])] if role else []
-        more += [] if wait else ["--no-wait"]
-        more += ["--receipt", str(receipt.resolve())] if receipt else []
-        _begin_at_login(output, folder, ["--campaign", campaign_id, "--every", f"{every:g}", *more])
     if watch:
         list_files = partial(sort_files, folder, rules or ANY_RULES, raw_only=role is None)
         found_files = partial(_list_or_note, output, list_files)
@@ -233,16 +210,6 @@ def follow(
                 output, folder, campaign_id, files, wait=wait, receipt=receipt, attest=not unsent
             )
         finish(output, replace(report, files=report.files + told, sent=total + report.sent))
-
-
-def _begin_at_login(output: Output, folder: Path, options: Sequence[str]) -> None:
-    """Have the system follow the folder after each login, with the stored login."""
-    if output.login() != read_login(config_folder()):
-        raise Unclear("After a login the stored key is used: sign in first with stilb login URL.")
-    command = [sys.executable, "-m", "stilb", "push", str(folder.resolve()), "--watch", *options]
-    entry = describe_entry(folder, command)
-    entry.write()
-    output.note(f"followed again after each login, by {entry.path}; --watch --no-at-login ends that")
 
 
 def _list_or_note(

@@ -58,7 +58,6 @@ class Claim:
     created_by: str
     faulty_since: datetime | None
     request_id: str | None
-    traceparent: str | None
 
 
 def enqueue(

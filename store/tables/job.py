@@ -6,8 +6,8 @@ from typing import Literal
 from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
+from store.log_fields import present_request_id
 from store.tables.base import Base, Json, UtcDateTime, index_some, new_id, one_of, utc_now
-from store.tracing import present_request_id, present_traceparent
 
 JobKind = Literal["extract", "fit", "measure"]
 JobState = Literal["queued", "running", "succeeded", "failed", "quarantined"]
@@ -61,7 +61,8 @@ class Job(Base):
     """When something that it needs first did not answer: it is tried again for a day from then."""
     request_id: Mapped[str | None] = mapped_column(default=present_request_id)
     """The request that queued it, as its log line and `X-Request-ID` name it."""
-    traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
+    traceparent: Mapped[str | None] = mapped_column(default=None)
+    """Of releases before 0.4, which sent traces."""
     waits_for: Mapped[str | None]
     """What serves nobody, as the last attempt found; None for a job that waits for its turn alone."""
     error: Mapped[Json | None] = mapped_column(default=None)

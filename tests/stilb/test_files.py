@@ -2,14 +2,12 @@
 
 import hashlib
 import os
-import plistlib
 import unicodedata
 
 import pytest
 
 from stilb.field.files import ANY_RULES, Rule, sort_files
 from stilb.field.push import Journal, Watch
-from stilb.field.startup import describe_entry
 from stilb.receipt import compare_card
 
 
@@ -145,17 +143,3 @@ def test_a_card_that_is_pulled_out_and_put_in_again(tmp_path):
     (folder / "away").rename(folder / "dark/a.DNG")
     assert watch.look() == []
     assert watch.look() == files
-
-
-def test_macos_and_windows_start_the_same_command(tmp_path):
-    command, folder = ["/opt/py thon", "-m", "stilb", "100%"], tmp_path / "card"
-    environment = {"HOME": str(tmp_path), "APPDATA": str(tmp_path / "AppData")}
-    agent, script = (
-        describe_entry(folder, command, platform=name, environment=environment)
-        for name in ("darwin", "win32")
-    )
-    said = plistlib.loads(agent.content)
-    assert (said["ProgramArguments"], said["RunAtLoad"], said["Label"]) == (command, True, agent.path.stem)
-    assert agent.path.parent == tmp_path / "Library" / "LaunchAgents"
-    assert b'\r\n"/opt/py thon" -m stilb 100%%\r\n' in script.content
-    assert (script.path.parent.name, script.path.suffix) == ("Startup", ".cmd")

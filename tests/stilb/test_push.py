@@ -4,7 +4,6 @@ import errno
 import hashlib
 import itertools
 import os
-import shlex
 import shutil
 import signal
 import subprocess
@@ -23,7 +22,6 @@ from stilb.commands.push import transfer
 from tests.support.cards import write_card, write_plan
 from tests.support.frames import write_frame
 from tests.support.line import line_to
-from tests.support.processes import wait_until
 
 
 @pytest.fixture
@@ -345,36 +343,6 @@ def test_a_watch_survives_a_card_that_is_pulled_out(signed_in, card, campaign, m
     ended = signed_in("push", card / "dark", "--campaign", campaign.id, "--role", "dark", "--watch", "--json")
     assert f"Input/output error: {card}; the folder is looked at again" in ended.err
     assert (ended.code, ended.json["received"]) == (Exit.DONE, 2)
-
-
-def test_a_watch_goes_on_after_a_reboot(signed_in, team, card, campaign, config, monkeypatch):
-    """It ends before anything is sent; then the system's entry is run, as at the next login."""
-    folder = card.rename(card.with_name('100 % "Küste" $1'))
-    monkeypatch.setattr(commands, "sleep", lambda _: _end())
-    push = ("push", folder, "--campaign", campaign.id, "--watch")
-    assert signed_in(*push, "--at-login", "--no-wait", "--every", "0.1").code == Exit.FINDINGS
-    (unit,) = (config.parent / "systemd" / "user").glob("*.service")
-    assert (unit.parent / "default.target.wants" / unit.name).resolve() == unit.resolve()
-    if shutil.which("systemd-analyze"):
-        runtime = os.environ | {"XDG_RUNTIME_DIR": str(config.parent)}
-        subprocess.run(["systemd-analyze", "verify", "--user", unit], check=True, env=runtime)
-    (line,) = [each for each in unit.read_text().splitlines() if each.startswith("ExecStart=")]
-    words = [
-        each.replace("%%", "%").replace("$$", "$") for each in shlex.split(line.removeprefix("ExecStart="))
-    ]
-    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as watching:
-        wait_until(lambda: len(list(team.client.frames(campaign.id))) == 10, timeout_s=60)
-        watching.kill()
-    assert signed_in(*push, "--no-at-login", "--json").json == {"ended": True}
-    assert not [path for path in config.parent.rglob("*stilb-push*") if path.exists() or path.is_symlink()]
-    assert signed_in(*push, "--no-at-login", "--json").json == {"ended": False}
-
-
-def test_who_has_not_signed_in_cannot_push_after_a_reboot(stilb_command, team, card, campaign):
-    push = ("push", card, "--campaign", campaign.id, "--url", team.url, "--key", team.key)
-    assert "--at-login needs --watch" in stilb_command(*push, "--at-login").err
-    ended = stilb_command(*push, "--watch", "--at-login")
-    assert (ended.code, "sign in first" in ended.err) == (Exit.USAGE, True)
 
 
 def test_a_watch_that_ends_without_a_network_tells_what_was_not_sent(signed_in, card, campaign, monkeypatch):

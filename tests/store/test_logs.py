@@ -9,8 +9,8 @@ from redis.exceptions import ConnectionError as BrokerLost
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
+from store.log_fields import fields
 from store.logs import JsonLines, TextLines, add_fields, shorten
-from store.tracing import fields
 
 
 def logged(error):

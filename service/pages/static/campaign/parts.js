@@ -237,7 +237,7 @@ function nightSection(state) {
         { class: "actions" },
         may("upload") && state.frames.length ? h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}&all` }, "Measure all frames") : null,
         may("upload") && state.frames.length ? h("a", { class: "button", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame") : null,
-        state.campaign.measured ? [file(`${of}.csv`, "CSV"), file(`${of}.geojson`, "GeoJSON"), file(`/v1/series/measurements?campaign_id=${state.id}&format=json`, "JSON")] : null,
+        state.campaign.measured ? [file(`/v1/series/measurements?campaign_id=${state.id}&format=csv`, "CSV"), file(`${of}.geojson`, "GeoJSON"), file(`/v1/series/measurements?campaign_id=${state.id}&format=json`, "JSON")] : null,
       ),
     );
   };
