@@ -300,46 +300,26 @@ def _gap(sentence: str, remedy: str) -> Finding:
 
 
 APPROVER_MISSING = _gap(
-    "Nobody has signed: the key that published states no person. The certificate is marked as a draft.",
-    "State name and role with the key (page Organisation, `stilb key change`), and publish again: "
-    "an amendment is issued.",
+    "Nobody signs it.", "State your name and role with your key (page Organisation, stilb key change)."
 )
 AUTHOR_MISSING = _gap(
-    "The key that fitted states no person.",
-    "State name and role with the key (page Organisation, `stilb key change`) before you publish.",
+    "Who fitted is missing.", "State name and role with the key (page Organisation, stilb key change)."
 )
 LABORATORY_NAME_MISSING = _gap(
-    "The laboratory's name is missing: the organisation still has the name that it was founded with.",
-    "Enter the name on the page Organisation, or with `stilb organisation --name`.",
+    "The laboratory's name is missing.", "Enter it on the page Organisation (stilb organisation)."
 )
 LABORATORY_ADDRESS_MISSING = _gap(
-    "The address that is printed below the laboratory's name is missing.",
-    "Enter the address on the page Organisation, or with `stilb organisation --address`.",
+    "The laboratory's address is missing.", "Enter it on the page Organisation (stilb organisation)."
 )
-CUSTOMER_MISSING = _gap(
-    "The party for whom the calibration was made is missing.",
-    "Enter the `customer` with the details of the campaign; this can be your own department.",
-)
-PLACE_MISSING = _gap(
-    "The place where frames and readings were taken is missing.",
-    "Enter the `place` with the details of the campaign.",
-)
+CUSTOMER_MISSING = _gap("The customer is missing.", "Enter it on the campaign.")
+PLACE_MISSING = _gap("The place of the measurements is missing.", "Enter it on the campaign.")
 CONDITIONS_MISSING = _gap(
-    "The ambient conditions that may affect the result are missing.",
-    "Describe the `conditions` with the details of the campaign: a room without daylight, the "
-    "temperature, how long the lamp had been on.",
+    "The conditions (temperature, lamp, daylight) are missing.", "Describe them on the campaign."
 )
-DATE_MISSING = _gap(
-    "Neither readings nor campaign nor frames have a date.",
-    "Enter the start (`started_at`) with the details of the campaign.",
-)
-RECORDER_MISSING = _gap(
-    "The person who recorded the readings is missing.",
-    "Enter the `recorder` with the details of the campaign.",
-)
+DATE_MISSING = _gap("The day of the measurements is missing.", "Enter the start of the campaign.")
+RECORDER_MISSING = _gap("The recorder of the measurements is missing.", "Enter the name on the campaign.")
 LENS_MISSING = _gap(
-    "The lens is missing, with which the result is valid. Reflectance and noise do not require it.",
-    "Register the camera with `lens`.",
+    "The lens is missing, and the result is valid for one lens only.", "Register it with the camera."
 )
 METER_UNKNOWN = _gap(
     "A reading was sent without `meter_id`, so that its traceability is unknown.",

@@ -36,56 +36,20 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     work = certificate.work
     lens = certificate.item.lens or not get_method(certificate.method).certificate.holds_for_lens or None
     name = certificate.laboratory.name
-    for value, code, message in (
-        (
-            certificate.approved_by if certificate.published else "a draft",
-            interface.APPROVER_MISSING,
-            "Nobody signs it. State your name and role with your key (page Organisation, stilb key change).",
-        ),
-        (
-            certificate.fitted_by,
-            interface.AUTHOR_MISSING,
-            "Who fitted is missing. State name and role with the key (page Organisation, stilb key change).",
-        ),
-        (
-            None if name == UNNAMED_LABORATORY else name,
-            interface.LABORATORY_NAME_MISSING,
-            "The laboratory's name is missing. Enter it on the page Organisation (stilb organisation).",
-        ),
-        (
-            certificate.laboratory.address,
-            interface.LABORATORY_ADDRESS_MISSING,
-            "The laboratory's address is missing. Enter it on the page Organisation (stilb organisation).",
-        ),
-        (work.customer, interface.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
-        (
-            work.place,
-            interface.PLACE_MISSING,
-            "The place of the measurements is missing. Enter it on the campaign.",
-        ),
-        (
-            work.conditions,
-            interface.CONDITIONS_MISSING,
-            "The conditions (temperature, lamp, daylight) are missing. Describe them on the campaign.",
-        ),
-        (
-            work.first_day,
-            interface.DATE_MISSING,
-            "The day of the measurements is missing. Enter the start of the campaign.",
-        ),
-        (
-            work.recorder,
-            interface.RECORDER_MISSING,
-            "The recorder of the measurements is missing. Enter the name on the campaign.",
-        ),
-        (
-            lens,
-            interface.LENS_MISSING,
-            "The lens is missing, and the result is valid for one lens only. Register it with the camera.",
-        ),
+    for value, code in (
+        (certificate.approved_by if certificate.published else "a draft", interface.APPROVER_MISSING),
+        (certificate.fitted_by, interface.AUTHOR_MISSING),
+        (None if name == UNNAMED_LABORATORY else name, interface.LABORATORY_NAME_MISSING),
+        (certificate.laboratory.address, interface.LABORATORY_ADDRESS_MISSING),
+        (work.customer, interface.CUSTOMER_MISSING),
+        (work.place, interface.PLACE_MISSING),
+        (work.conditions, interface.CONDITIONS_MISSING),
+        (work.first_day, interface.DATE_MISSING),
+        (work.recorder, interface.RECORDER_MISSING),
+        (lens, interface.LENS_MISSING),
     ):
         if value is None:
-            yield Found(code=code, message=message)
+            yield Found(code=code, message=f"{code.sentence} {code.remedy}")
 
 
 def _of_meter(meter: UsedMeter) -> Iterator[Found]:

@@ -338,20 +338,26 @@ class OpenMap(records.Record):
         return [DISTORTION, NO_VIGNETTING if self.vignetting == "none" else REGIONS_VIGNETTING]
 
 
+def require_map(sha256: str | None) -> str:
+    """Return the hash of a measurement's map; refuse one that was made without."""
+    if sha256 is None:
+        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+        raise Problem(interface.NOT_FOUND, detail)
+    return sha256
+
+
 @contextmanager
 def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iterator[OpenMap]:
     """Open the map of a measurement; refuse one that was made without, and a picture."""
     with context.database.reading() as session:
         row = lookup.owned(session, Measurement, measurement_id, caller)
-        if row.map_tif_sha256 is None:
-            detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-            raise Problem(interface.NOT_FOUND, detail)
+        sha256 = require_map(row.map_tif_sha256)
         if isinstance(get_method(row.method).application, PictureApplication):
             detail = "An undistorted image is not a map of values: use its map.tif."
             raise Problem(interface.NOT_FOUND, detail)
         frame = session.get_one(FrameRow, row.frame_id)
         calibration = session.get_one(Calibration, row.calibration_id)
-    with context.files.local(row.map_tif_sha256) as file:
+    with context.files.local(sha256) as file:
         blobs.prove_file(file)
         layout = read_layout(file.path)
         likeness = maps.find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))

@@ -20,7 +20,7 @@ from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
-from service.measurements import requests
+from service.measurements import maps, requests
 from service.measurements.schemas import MeasurementAnswer
 from store import database, jobs
 from store.measuring.comparison import SURE, MeasurementComparison, Side, compare_measurements
@@ -297,10 +297,7 @@ def _owned(context: Context, measurement_id: str, caller: auth.Caller) -> Measur
 
 
 def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:
-    sha256 = row.map_tif_sha256 if kind == "tif" else row.map_png_sha256
-    if sha256 is None:
-        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise Problem(interface.NOT_FOUND, detail)
+    sha256 = maps.require_map(row.map_tif_sha256 if kind == "tif" else row.map_png_sha256)
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, row.frame_id)
     name = quote(f"{PurePath(frame.filename).stem}-{row.id}.{kind}", safe="")

@@ -10,9 +10,8 @@ from xml.sax.saxutils import unescape
 
 from fastapi import Query, Request, Response
 
-from radiometry.findings import interface
 from service.http import answers, auth, connections, lookup, operations, problems
-from service.http.context import Context, UsesContext
+from service.http.context import UsesContext
 from service.measurements import lists, maps
 from store.blobs import prove_file
 from store.queries.frame_times import Zones, read_frame_time
@@ -172,7 +171,9 @@ def get_measurement_stac(
     Its geometry is null where the map is not placed. A local time without a zone becomes the interval that
     it lies in.
     """
-    row, sha256 = _require_map(context, measurement_id, caller)
+    with context.database.reading() as session:
+        row = lookup.owned(session, Measurement, measurement_id, caller)
+    sha256 = maps.require_map(row.map_tif_sha256)
     base = connections.absolute(request, "")
     tag = hashlib.sha256(f"{sha256}-{row.id}-{base}".encode()).hexdigest()
     if (unchanged := answers.not_modified(request, tag)) is not None:
@@ -185,16 +186,6 @@ def get_measurement_stac(
         calibration = session.get_one(Calibration, row.calibration_id)
         item = make_item(row, frame, calibration, found, base=base)
     return lists.GeoJson(item, headers=answers.immutable_headers(tag))
-
-
-def _require_map(context: Context, measurement_id: str, caller: auth.Caller) -> tuple[Measurement, str]:
-    """Return a measurement that was made with a map, and the hash of that."""
-    with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
-    if row.map_tif_sha256 is None:
-        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise problems.Problem(interface.NOT_FOUND, detail)
-    return row, row.map_tif_sha256
 
 
 def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:
