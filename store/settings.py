@@ -75,7 +75,6 @@ class Settings(BaseModel):
     connections_per_peer: int = Field(default=512, ge=0)
     quota_bytes: int = Field(default=0, ge=0)
     quota_frames: int = Field(default=0, ge=0)
-    quota_jobs_waiting: int = Field(default=50_000, ge=0)
     quota_requests_per_minute: int = Field(default=30_000, ge=0)
     stop_grace_s: Grace = 15.0
     stop_notice_s: Grace = 0.0

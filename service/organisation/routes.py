@@ -27,7 +27,7 @@ from service.http.paging import Page, UsesPaging
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
-from store.queries.usage import Used, read_usage
+from store.queries.usage import MOST_JOBS_WAITING, Used, read_usage
 from store.settings import Settings
 from store.tables import ApiKey, AuditEntry, Organisation, WebSession, utc_now
 
@@ -58,7 +58,7 @@ class UsageAnswer(Answer):
     stored_bytes: int = told("Of the files of its frames.")
     stored_bytes_limit: int | None = None
     jobs_waiting: int
-    jobs_waiting_limit: int | None = None
+    jobs_waiting_limit: int = MOST_JOBS_WAITING
     requests_in_minute: int = told("As the process that answers has counted them.")
     requests_in_minute_limit: int | None = None
 
@@ -68,7 +68,6 @@ class UsageAnswer(Answer):
             used,
             frames_limit=settings.quota_frames or None,
             stored_bytes_limit=settings.quota_bytes or None,
-            jobs_waiting_limit=settings.quota_jobs_waiting or None,
             requests_in_minute=requests,
             requests_in_minute_limit=settings.quota_requests_per_minute or None,
         )

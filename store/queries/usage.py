@@ -22,6 +22,7 @@ from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage, utc
 
 Quota = Literal["stored_bytes", "frames", "jobs_waiting"]
 
+MOST_JOBS_WAITING: Final = 50_000
 _RECOUNT_AFTER: Final = timedelta(minutes=1)
 
 
@@ -63,8 +64,8 @@ def check_room(
     row = row or _count(session, organisation_id)
     used = {"frames": row.frames, "stored_bytes": row.stored_bytes}
     _refuse_over(session, organisation_id, settings, [size_bytes], **used)
-    if settings.quota_jobs_waiting and row.jobs_most >= settings.quota_jobs_waiting:
-        _refuse_long_queue(session, organisation_id, settings.quota_jobs_waiting, room_for=1)
+    if row.jobs_most >= MOST_JOBS_WAITING:
+        _refuse_long_queue(session, organisation_id, room_for=1)
 
 
 def charge(
@@ -99,8 +100,8 @@ def charge(
     if not had_room:
         before = {"frames": used.frames - frames, "stored_bytes": used.stored_bytes - size_bytes}
         _refuse_over(session, organisation_id, settings, sizes_bytes, **before)
-    if jobs and settings.quota_jobs_waiting and used.jobs_most > settings.quota_jobs_waiting:
-        _refuse_long_queue(session, organisation_id, settings.quota_jobs_waiting)
+    if jobs and used.jobs_most > MOST_JOBS_WAITING:
+        _refuse_long_queue(session, organisation_id)
         bound = _count_jobs(session, organisation_id, "queued", "running")
         mine = update(Usage).where(Usage.organisation_id == organisation_id)
         session.execute(mine.values(jobs_most=bound).execution_options(synchronize_session=False))
@@ -157,10 +158,10 @@ def _list_begun(session: Session, begun: Sequence[Facts]) -> list[int]:
     return [facts.size_bytes for facts in begun if (facts.campaign_id, facts.sha256) not in known]
 
 
-def _refuse_long_queue(session: Session, organisation_id: str, limit: int, *, room_for: int = 0) -> None:
-    waiting = _count_jobs(session, organisation_id, "queued", most=limit + 1)
-    if waiting + room_for > limit:
-        raise QuotaExceeded("jobs_waiting", limit=limit, used=min(waiting, limit))
+def _refuse_long_queue(session: Session, organisation_id: str, *, room_for: int = 0) -> None:
+    waiting = _count_jobs(session, organisation_id, "queued", most=MOST_JOBS_WAITING + 1)
+    if waiting + room_for > MOST_JOBS_WAITING:
+        raise QuotaExceeded("jobs_waiting", limit=MOST_JOBS_WAITING, used=min(waiting, MOST_JOBS_WAITING))
 
 
 def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:

@@ -14,6 +14,7 @@ from service.http.counts import Rates
 from service.http.problems import Problem
 from store.blobs.partials import Partial
 from store.database import is_full
+from store.queries import usage as usage_queries
 from store.queries.usage import recount_all
 from store.settings import Settings
 from store.tables import Usage, utc_now
@@ -151,8 +152,8 @@ def test_above_it_nothing_is_kept_and_the_number_is_said(house, limit, quotas, n
     assert send(house, campaign, b"C" * 10).status_code == 201
 
 
-def test_a_long_queue_takes_no_more_until_it_is_shorter(house, limit):
-    limit(quota_jobs_waiting=2)
+def test_a_long_queue_takes_no_more_until_it_is_shorter(house, monkeypatch):
+    monkeypatch.setattr(usage_queries, "MOST_JOBS_WAITING", 2)
     campaign = house.campaign()
     for number in range(2):
         assert send(house, campaign, bytes([65 + number])).status_code == 201
