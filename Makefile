@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format coverage fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format coverage fuzz model bench docs tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -112,9 +112,6 @@ tables: $(VENV)/dev  ## write the tables of parameters and coefficients in docs/
 api: $(VENV)/dev  ## the difference of the HTTP interface from the last release; what breaks clients fails it
 	@PYTHONPATH=. python docs/api.py
 
-architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
-	@python docs/architecture.py
-
 pictures: $(VENV)/dev chromium  ## take the pictures of the README again, from the test that drives the whole procedure
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
 
@@ -129,7 +126,7 @@ wheels: $(VENV)/uv  ## build both distributions into dist/, to install them else
 
 lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:server pyproject.toml -o requirements.lock
-	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:dev --group pyproject.toml:otel -c requirements.lock pyproject.toml -o requirements-dev.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:dev -c requirements.lock pyproject.toml -o requirements-dev.lock
 	echo openapi-python-client | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o tests/flow/clients/requirements.lock
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --overrides tests/flow/consumers/overrides.txt --no-emit-package gdal tests/flow/consumers/requirements.in -o tests/flow/consumers/requirements.lock
 	echo pip-audit | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o .ci/audit.lock

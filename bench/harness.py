@@ -50,9 +50,6 @@ class Scale:
     """Three such jobs a worker in a round."""
     card: int = 500
     restarts: int = 7
-    waiting_jobs: int = 20_000
-    waits_s: float = 5.0
-    """How long they wait without a worker, and as long again beside one that may take none."""
 
 
 def take_turns(

@@ -8,7 +8,6 @@ import os
 import socket
 import statistics
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -68,7 +67,7 @@ def _measure(scale: Scale, url: str | None) -> Iterator[bool]:
         for what, few, many in zip(("a look-up", "one camera's series"), times[0], times[-1], strict=True):
             yield judge(f"{what} with {factor:g} x the coefficients", many / few, at_most=1.5)
         if not url:
-            yield from _measure_series(scale, service, _address(cameras[0]))
+            yield from _measure_series(scale, service)
 
 
 def _address(camera: str) -> str:
@@ -138,10 +137,10 @@ def _is_whole(answer: bytes) -> bool:
     return bool(found) and len(body) >= int(length or 0)
 
 
-def _measure_series(scale: Scale, service: Service, lookup: str) -> Iterator[bool]:
+def _measure_series(scale: Scale, service: Service) -> Iterator[bool]:
     """Compare the service's CPU for an answer with that of writing the same rows here, from memory."""
     address = "/v1/series/coefficients"
-    with service.open_http() as http, service.open_http() as other:
+    with service.open_http() as http:
         rows = http.get(address).json()["rows"]
 
         def read(query: str = "") -> None:
@@ -170,18 +169,6 @@ def _measure_series(scale: Scale, service: Service, lookup: str) -> Iterator[boo
             more_mb = harness.read_memory_mb(service.pid, "VmHWM") - before_mb
             yield judge(f"CPU of {name}, in that of Python's own", harness.compare(ours, plain), at_most=3.0)
             yield judge(f"memory for {name} [MB]", more_mb, at_most=30.0)
-
-        def look_up() -> None:
-            other.get(lookup).raise_for_status()
-
-        alone = [harness.time_once(look_up) for _ in range(100)]
-        reading = threading.Thread(target=read)
-        reading.start()
-        beside = [harness.time_once(look_up)]
-        while reading.is_alive():
-            beside.append(harness.time_once(look_up))
-    slower = statistics.median(beside) / statistics.median(alone)
-    yield judge("a look-up during the series, to alone", slower, at_most=3.0)
 
 
 @contextmanager

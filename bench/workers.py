@@ -70,19 +70,12 @@ class _Queue:
                 _wait_until(lambda: len(celery.control.ping(timeout=1, connection=connection) or []) == nodes)
             yield started
 
-    def add(
-        self, count: int, *, lane: str = "fit", lasts_s: float = 0.0, organisation: str = "org_bench"
-    ) -> None:
-        kind = "fit" if lane == "fit" else "extract"
-        row = {"organisation_id": organisation, "kind": kind, "lane": lane, "created_by": "bench"}
+    def add(self, count: int, *, lasts_s: float = 0.0, organisation: str = "org_bench") -> None:
+        row = {"organisation_id": organisation, "kind": "fit", "lane": "fit", "created_by": "bench"}
         row |= {"parameters": {"lasts_s": lasts_s}}
         with self._database.writing("bench") as session:
             frames.write_rows(session, {Job: (row | {"subject_id": new_id("cmp")} for _ in range(count))})
-            touch(session, LANES[lane].queue)
-
-    def touch(self) -> None:
-        with self._database.writing("bench") as session:
-            touch(session)
+            touch(session, LANES["fit"].queue)
 
     def count(self, which: ColumnElement[bool]) -> int:
         with self._database.reading() as session:
@@ -107,8 +100,6 @@ def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
         return [
             judge("rate of all, to one's", rate, at_least=0.75 * scale.workers),
             *_restart_broker(queue, scale),
-            _wait_without_workers(queue, scale),
-            *_wait_beside_a_worker(queue, scale, folder),
         ]
 
 
@@ -145,41 +136,6 @@ def _restart_broker(queue: _Queue, scale: Scale) -> Iterator[bool]:
         newcomer_s = time.perf_counter() - began
     yield judge("from the broker's start to the next job's end, at most [s]", max(waits_s), at_most=10.0)
     yield judge("until the newcomer's job begins [s]", newcomer_s, at_most=5.0)
-
-
-def _wait_without_workers(queue: _Queue, scale: Scale) -> bool:
-    say(f"\n{scale.waiting_jobs:,} jobs for {scale.waits_s:g} s without a worker, while others come")
-    queue.clear()
-    queue.add(scale.waiting_jobs)
-    before = queue.broker.info("memory")["used_memory_dataset"]
-    for _ in range(int(scale.waits_s * 10)):
-        queue.touch()
-        time.sleep(0.1)
-    grown = queue.broker.info("memory")["used_memory_dataset"] / before
-    return judge("the broker's memory at the end, to the start", grown, at_most=1.1)
-
-
-def _wait_beside_a_worker(queue: _Queue, scale: Scale, folder: Path) -> Iterator[bool]:
-    say(f"\n{scale.waiting_jobs:,} jobs beside a worker that may take none, as the file store does not serve")
-
-    def count_messages() -> int:
-        return int(queue.broker.info("commandstats").get("cmdstat_lpush", {}).get("calls", 0))
-
-    queue.clear()
-    with queue.working(1) as (parent,):
-        (folder / "blobs").touch()  # where the file store would make its folder
-        queue.add(scale.waiting_jobs, lane="extract")
-        _wait_until(lambda: queue.count(Job.waits_for.is_not(None)) > 0)
-        time.sleep(min(1.0, scale.waits_s))
-        worker = family(parent)
-        before_s, before = harness.read_cpu_s(*worker), count_messages()
-        time.sleep(scale.waits_s)
-        percent, sent = (
-            100 * (harness.read_cpu_s(*worker) - before_s) / scale.waits_s,
-            count_messages() - before,
-        )
-    yield judge("its CPU, % of a core", percent, at_most=1.0)
-    yield judge("messages meanwhile", sent, at_most=5.0)
 
 
 def run_start(scale: Scale) -> list[bool]:

@@ -35,7 +35,6 @@ _QUERIES: dict[str, Node] = {
     "get_camera_validity": {"method": "luminance"},
     "get_coefficients": {"method": "luminance"},
     "get_drift": {"method": "luminance", "tolerance": 0.04},
-    "get_frame_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},
 }
 _MOST_IDS = 24
 _LONGEST_TEXT, _MOST_NUMBERS, _MOST_ROWS, _SHORT_ROW = 400, 8, 4, 200

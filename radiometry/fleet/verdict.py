@@ -18,16 +18,6 @@ from radiometry.fleet.determinations import (
     group_cameras,
     keep_repeats,
 )
-from radiometry.fleet.results import (
-    Deviation,
-    Effect,
-    FleetVerdict,
-    Judgement,
-    Outcome,
-    ParameterVerdict,
-    Sensitivity,
-    Tolerance,
-)
 from radiometry.records import Record
 
 
@@ -37,8 +27,8 @@ class _Analysis(Record):
     key: Key
     grouping: Grouping
     effects: Effects
-    sensitivity: Sensitivity | None
-    tolerance: Tolerance | None
+    sensitivity: results.Sensitivity | None
+    tolerance: results.Tolerance | None
 
     @property
     def testable(self) -> bool:
@@ -60,7 +50,7 @@ class _Analysis(Record):
         total: Vector = np.sum(rows, axis=0)
         return total
 
-    def judge(self, deviations: Vector, contrasts: Matrix) -> Judgement | None:
+    def judge(self, deviations: Vector, contrasts: Matrix) -> results.Judgement | None:
         """Make both tests, where they are possible."""
         if not self.testable or self.sensitivity is None or self.tolerance is None:
             return None
@@ -80,7 +70,7 @@ def judge_parameter(
     cameras: Sequence[str],
     tolerance: float | Mapping[str, float],
     means: Mapping[str, float],
-) -> ParameterVerdict:
+) -> results.ParameterVerdict:
     values = np.array([row.value for row in rows])
     grouping = group_cameras(rows)
     effects = fit_effects(values, grouping.labels) if len(grouping.unit_names) > 1 else None
@@ -105,8 +95,8 @@ def judge_parameter(
 
 
 def _find_tolerance(
-    sensitivity: Sensitivity, method: str, key: Key, tolerance: float | Mapping[str, float]
-) -> Tolerance | None:
+    sensitivity: results.Sensitivity, method: str, key: Key, tolerance: float | Mapping[str, float]
+) -> results.Tolerance | None:
     if isinstance(tolerance, Mapping):
         entered = tolerance.get(key.name)
     else:
@@ -117,11 +107,11 @@ def _find_tolerance(
 
 
 def _judge_one_camera(
-    key: Key, rows: Sequence[Determination], limit: Tolerance | None, without: tuple[str, ...]
-) -> ParameterVerdict:
+    key: Key, rows: Sequence[Determination], limit: results.Tolerance | None, without: tuple[str, ...]
+) -> results.ParameterVerdict:
     """Describe one camera alone: there is nothing to compare it with."""
     mean = Quantity(float(np.mean([row.value for row in rows])), rows[-1].standard_uncertainty, key.unit)
-    return ParameterVerdict(
+    return results.ParameterVerdict(
         key=key,
         outcome="cannot_tell",
         judged=limit is not None,
@@ -136,8 +126,11 @@ def _judge_one_camera(
 
 
 def _conclude(
-    analysis: _Analysis, rows: Sequence[Determination], without: tuple[str, ...], judgement: Judgement | None
-) -> ParameterVerdict:
+    analysis: _Analysis,
+    rows: Sequence[Determination],
+    without: tuple[str, ...],
+    judgement: results.Judgement | None,
+) -> results.ParameterVerdict:
     key, effects, sensitivity = analysis.key, analysis.effects, analysis.sensitivity
     listed = _list_effects(analysis)
     cost, costliest = _find_cost(analysis)
@@ -154,7 +147,7 @@ def _conclude(
         )
     between = sum(effect.between_variance.value for effect in listed)
     between_u = math.hypot(*(effect.between_variance.standard_uncertainty for effect in listed))
-    return ParameterVerdict(
+    return results.ParameterVerdict(
         key=key,
         outcome=outcome,
         judged=analysis.tolerance is not None,
@@ -185,12 +178,12 @@ def _conclude(
 def _decide(
     analysis: _Analysis,
     rows: Sequence[Determination],
-    listed: tuple[Effect, ...],
-    judgement: Judgement | None,
+    listed: tuple[results.Effect, ...],
+    judgement: results.Judgement | None,
     cost: Quantity | None,
     costliest: str | None,
     needed: int | None,
-) -> tuple[Outcome, str]:
+) -> tuple[results.Outcome, str]:
     key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
     if tolerance is None:
         return "cannot_tell", results.NO_TOLERANCE.format(key=key)
@@ -215,7 +208,7 @@ def _decide(
     )
 
 
-def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:
+def _list_effects(analysis: _Analysis) -> tuple[results.Effect, ...]:
     found = []
     grouping, effects = analysis.grouping, analysis.effects
     for name, labels, levels, factor in zip(
@@ -224,10 +217,10 @@ def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:
         errors = effects.standard_errors(factor.contrasts)
         repeats = np.bincount(labels, minlength=len(levels))
         found.append(
-            Effect(
+            results.Effect(
                 factor=name,
                 deviations=tuple(
-                    Deviation(
+                    results.Deviation(
                         label=level,
                         repeats=int(count),
                         deviation=Quantity(value, error, analysis.key.unit),
@@ -258,7 +251,7 @@ def _find_cost(analysis: _Analysis) -> tuple[Quantity | None, str | None]:
     return cost, analysis.grouping.unit_names[largest]
 
 
-def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None:
+def _count_needed(analysis: _Analysis, listed: tuple[results.Effect, ...]) -> int | None:
     """Return the repeats of each camera that would decide, more than there are; None where cameras differ."""
     if analysis.sensitivity is None or analysis.tolerance is None or any(map(results.does_differ, listed)):
         return None
@@ -271,7 +264,7 @@ def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None
     return None if found is None else max(found, most + 1)
 
 
-def _convert(sensitivity: Sensitivity | None, value: float, error: float) -> Quantity | None:
+def _convert(sensitivity: results.Sensitivity | None, value: float, error: float) -> Quantity | None:
     if sensitivity is None:
         return None
     factor = sensitivity.factor
@@ -288,7 +281,7 @@ def judge_fleet(
     method: str,
     cameras: Sequence[str],
     tolerance: float | Mapping[str, float],
-) -> FleetVerdict:
+) -> results.FleetVerdict:
     """Judge every parameter of the determinations, each on its own.
 
     The model is fitted by `effects.fit_effects` and tested by `verdicts.judge_deviations`::
@@ -335,7 +328,7 @@ def judge_fleet(
     )
     determined = {source.camera for source in kept}
     outcome = _sum_up(parameters, cameras, determined)
-    return FleetVerdict(
+    return results.FleetVerdict(
         outcome=outcome,
         said=_format_verdict(outcome, parameters, cameras, determined),
         parameters=parameters,
@@ -351,7 +344,9 @@ def _average(by_key: Mapping[Key, Sequence[Determination]]) -> dict[str, float]:
     return {name: sum(found) / len(found) for name, found in values.items()}
 
 
-def _sum_up(parameters: Sequence[ParameterVerdict], cameras: Sequence[str], determined: set[str]) -> Outcome:
+def _sum_up(
+    parameters: Sequence[results.ParameterVerdict], cameras: Sequence[str], determined: set[str]
+) -> results.Outcome:
     outcomes = {parameter.outcome for parameter in parameters if parameter.judged}
     if "per_camera" in outcomes:
         return "per_camera"
@@ -359,7 +354,10 @@ def _sum_up(parameters: Sequence[ParameterVerdict], cameras: Sequence[str], dete
 
 
 def _format_verdict(
-    outcome: Outcome, parameters: Sequence[ParameterVerdict], cameras: Sequence[str], determined: set[str]
+    outcome: results.Outcome,
+    parameters: Sequence[results.ParameterVerdict],
+    cameras: Sequence[str],
+    determined: set[str],
 ) -> str:
     judged = [parameter for parameter in parameters if parameter.judged]
     open_questions = [str(each.key) for each in judged if each.outcome == "cannot_tell"]

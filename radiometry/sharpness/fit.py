@@ -15,7 +15,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Window, bounding_window
 from radiometry.frame.statistics import compute_statistics
-from radiometry.sharpness import codes
+from radiometry.sharpness import codes, results
 from radiometry.sharpness.edges import measure_edge
 from radiometry.sharpness.positions import (
     MTF50,
@@ -25,24 +25,6 @@ from radiometry.sharpness.positions import (
     merge_estimates,
     merge_position,
     missing,
-)
-from radiometry.sharpness.results import (
-    Coefficient,
-    EdgeColour,
-    EdgeResponse,
-    Estimate,
-    Falloff,
-    FalloffTable,
-    Features,
-    Fit,
-    FrameRow,
-    Params,
-    Point,
-    PositionFit,
-    Refusal,
-    RegionResponse,
-    StarResponse,
-    Target,
 )
 from radiometry.sharpness.sampling import LUMINANCE, Plane, Tone, average_sites, read_planes
 from radiometry.sharpness.stars import guess_centre, measure_star, refine_centre
@@ -58,8 +40,8 @@ def extract(
     *,
     header: FrameHeader,
     exposure: Exposure | None,  # noqa: ARG001  a chart needs none
-    target: Target,
-) -> Extracted[Features]:
+    target: results.Target,
+) -> Extracted[results.Features]:
     """Measure every region of a frame.
 
     A region is the box about its polygon: an edge must run from one side to the other. Channels that cannot
@@ -78,7 +60,7 @@ def extract(
         inside[row0 : row0 + window.height, col0 : col0 + window.width] = True
     if not any(each.edges or each.stars for each in found):
         raise _explain(found)
-    features = Features(
+    features = results.Features(
         kind=target.kind,
         height_px=frame.height_px,
         width_px=frame.width_px,
@@ -89,10 +71,10 @@ def extract(
 
 
 def _measure_region(
-    frame: Frame, region: Region, window: Window, *, target: Target, tone: Tone | None
-) -> RegionResponse:
-    edges: list[EdgeResponse] = []
-    stars: list[StarResponse] = []
+    frame: Frame, region: Region, window: Window, *, target: results.Target, tone: Tone | None
+) -> results.RegionResponse:
+    edges: list[results.EdgeResponse] = []
+    stars: list[results.StarResponse] = []
     turned = target.kind == "slanted_edge" and _runs_along_rows(frame, window, tone)
     planes = read_planes(frame, window, tone=tone, transposed=turned)
     if target.kind == "slanted_edge":
@@ -105,7 +87,7 @@ def _measure_region(
         centre, radius_px = _find_star(frame, region, window, planes, target=target, tone=tone)
         star = partial(measure_star, cycles=target.cycles, centre=centre, radius_px=radius_px)
         refused = _try(stars, planes, star)
-    return RegionResponse(
+    return results.RegionResponse(
         name=region.name,
         row_px=window.row0 + (window.height - 1) / 2.0,
         col_px=window.col0 + (window.width - 1) / 2.0,
@@ -115,13 +97,15 @@ def _measure_region(
     )
 
 
-def _try(found: list[R], planes: Sequence[Plane], measure: Callable[[Plane], R]) -> list[Refusal]:
+def _try(found: list[R], planes: Sequence[Plane], measure: Callable[[Plane], R]) -> list[results.Refusal]:
     refused = []
     for plane in planes:
         try:
             found.append(measure(plane))
         except InputRejected as refusal:
-            refused.append(Refusal(channel=plane.channel, code=str(refusal.code), message=refusal.message))
+            refused.append(
+                results.Refusal(channel=plane.channel, code=str(refusal.code), message=refusal.message)
+            )
     return refused
 
 
@@ -140,7 +124,7 @@ def _find_star(
     window: Window,
     planes: Sequence[Plane],
     *,
-    target: Target,
+    target: results.Target,
     tone: Tone | None,
 ) -> tuple[tuple[float, float], float]:
     """Return a star's centre, (row, col) indices, and the radius [px] of the largest ring in its window."""
@@ -163,7 +147,7 @@ def _room(centre: tuple[float, float], window: Window) -> float:
     return max(1.0, min(row, col, window.height - 1 - row, window.width - 1 - col))
 
 
-def _explain(found: Sequence[RegionResponse]) -> InputRejected:
+def _explain(found: Sequence[results.RegionResponse]) -> InputRejected:
     first = next(refusal for region in found for refusal in region.refused)
     where = f"Region {found[0].name}: " if found[0].name else ""
     entry = next(each for each in (*codes.FINDINGS, *shared.FINDINGS) if each == first.code)
@@ -174,7 +158,7 @@ CENTRE_RADIUS_REL = 0.25
 CORNER_RADIUS_REL = 0.6
 
 
-def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, ...]:
+def compare_positions(positions: Sequence[results.PositionFit]) -> tuple[results.FalloffTable, ...]:
     """Compute the falloff of every channel and f-number that has a position in the middle and one elsewhere.
 
     ratio = m / m_c, m_c the mean over positions within a quarter of the half diagonal; the corner's is the
@@ -182,7 +166,7 @@ def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, .
     focus, which positions of one frame share, is in the repeatability of each.
     """
 
-    def group_of(each: PositionFit) -> tuple[str, str, float]:
+    def group_of(each: results.PositionFit) -> tuple[str, str, float]:
         return each.kind, each.channel, each.f_number or 0.0
 
     tables = []
@@ -193,7 +177,7 @@ def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, .
     return tuple(tables)
 
 
-def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
+def _compare(positions: Sequence[results.PositionFit]) -> results.FalloffTable | None:
     figure = MTF50 if positions[0].kind == "slanted_edge" else RESOLVING_POWER
     measured = [
         (each, coefficient)
@@ -211,7 +195,7 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
         ratio = _divide(_average([coefficient.quantity for _, coefficient in corners]), middle)
         corner_falloff = Quantity(1.0 - ratio.value, ratio.standard_uncertainty, "1")
         dof = _find_dof(centre, corners)
-    return FalloffTable(
+    return results.FalloffTable(
         kind=positions[0].kind,
         channel=positions[0].channel,
         f_number=positions[0].f_number,
@@ -219,7 +203,7 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
         centre=tuple(each.position for each, _ in centre),
         corners=tuple(each.position for each, _ in corners),
         rows=tuple(
-            Falloff(
+            results.Falloff(
                 position=each.position,
                 radius_rel=each.radius_rel,
                 ratio=_divide(coefficient.quantity, middle),
@@ -231,7 +215,7 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
     )
 
 
-def _find_dof(*groups: Sequence[tuple[PositionFit, Coefficient]]) -> float:
+def _find_dof(*groups: Sequence[tuple[results.PositionFit, results.Coefficient]]) -> float:
     """Compute the effective degrees of freedom of a ratio of means (Welch and Satterthwaite)."""
     variance = restless = 0.0
     for group in groups:
@@ -265,7 +249,7 @@ _LEAST_COSINE: Final = 0.5
 _LEAST_RADIUS_REL: Final = 0.1
 
 
-def measure_colours(candidates: Sequence[Candidate]) -> tuple[EdgeColour, ...]:
+def measure_colours(candidates: Sequence[Candidate]) -> tuple[results.EdgeColour, ...]:
     """Compare the places of every position's edge in red and blue with that in green.
 
     With p the mean place of the edge along its normal n, over the same lines in every colour, and r the
@@ -277,7 +261,9 @@ def measure_colours(candidates: Sequence[Candidate]) -> tuple[EdgeColour, ...]:
     one frame is that of the mean of the polynomials through the centroids of the lines, of repeats as for the
     other coefficients.
     """
-    shown = [each for each in candidates if isinstance(each.response, EdgeResponse) and each.response.place]
+    shown = [
+        each for each in candidates if isinstance(each.response, results.EdgeResponse) and each.response.place
+    ]
     found = []
     for (position, f_number), group in itertools.groupby(
         sorted(shown, key=lambda each: (each.region.name, each.f_number or 0.0, each.frame)),
@@ -297,20 +283,20 @@ def measure_colours(candidates: Sequence[Candidate]) -> tuple[EdgeColour, ...]:
 
 def _compare_colours(
     pairs: Sequence[tuple[Candidate, Candidate]], channels: str, position: str, f_number: float | None
-) -> EdgeColour:
+) -> results.EdgeColour:
     features, region = pairs[0][1].features, pairs[0][1].region
     half = np.array([features.height_px - 1.0, features.width_px - 1.0]) / 2.0
     away = np.array([region.row_px, region.col_px]) - half
     shifts, along, dof = [], [], evidence.MOST_DOF
     for one, other in pairs:
-        assert isinstance(one.response, EdgeResponse)  # noqa: S101  narrows the type
-        assert isinstance(other.response, EdgeResponse)  # noqa: S101
+        assert isinstance(one.response, results.EdgeResponse)  # noqa: S101  narrows the type
+        assert isinstance(other.response, results.EdgeResponse)  # noqa: S101
         first, second = one.response.place, other.response.place
         assert first is not None  # noqa: S101
         assert second is not None  # noqa: S101
         towards = float(np.array(second.normal) @ away)
         shifts.append(
-            Estimate(
+            results.Estimate(
                 value=math.copysign(1.0, towards) * (first.place_px - second.place_px),
                 standard_uncertainty=math.hypot(first.place_u_px, second.place_u_px),
             )
@@ -321,7 +307,7 @@ def _compare_colours(
     radius = float(np.hypot(*away))
     cosine = float(np.mean(along)) / radius if radius else 0.0
     near = radius < _LEAST_RADIUS_REL * float(np.hypot(*half))
-    return EdgeColour(
+    return results.EdgeColour(
         channels=channels,
         position=position,
         f_number=f_number,
@@ -346,7 +332,7 @@ def name_position(name: str) -> str:
     return f"position {name}" if name else ""
 
 
-def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
+def check_positions(positions: Sequence[results.PositionFit]) -> list[Raised]:
     raised: list[Raised] = []
     for each in positions:
         where = name_position(each.position)
@@ -368,7 +354,7 @@ def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
     return raised
 
 
-def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Raised]:
+def check_candidates(candidates: Sequence[Candidate], params: results.Params) -> list[Raised]:
     raised: list[Raised] = []
     rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
     if rendered:
@@ -384,7 +370,7 @@ def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Ra
     return raised
 
 
-def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]:
+def _check_repeats(repeats: Sequence[Candidate], params: results.Params) -> list[Raised]:
     """Compare the range of repeats with what their own uncertainties allow."""
     found = [estimate for each in repeats if (estimate := each.measure(params)) is not None]
     if len(found) < 2:
@@ -399,7 +385,9 @@ def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]
     return [codes.SHARPNESS_REPEATS_DIFFER.at(name_position(repeats[0].region.name), detail)]
 
 
-def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
+def check_falloff(
+    positions: Sequence[results.PositionFit], tables: Sequence[results.FalloffTable]
+) -> list[Raised]:
     """Check whether there are several positions and no middle to compare with."""
     if tables or len({each.position for each in positions}) < 2:
         return []
@@ -407,7 +395,7 @@ def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTabl
     return [codes.SHARPNESS_CENTRE_MISSING.at("", detail)]
 
 
-def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
+def check_colours(colours: Sequence[results.EdgeColour]) -> list[Raised]:
     """Check how far red and blue lie from green."""
     return [
         shared.LATERAL_COLOUR_LARGE.at(
@@ -420,7 +408,7 @@ def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
     ]
 
 
-def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+def fit(rows: Sequence[results.FrameRow], params: results.Params) -> results.Fit:
     """Merge the frames of every position, and compare the positions.
 
     The same input in any order gives the same result to the last bit.
@@ -435,7 +423,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
         merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)
     )
     falloff = compare_positions(positions)
-    return Fit(
+    return results.Fit(
         positions=positions,
         falloff=falloff,
         points=tuple(_describe_point(each, positions, params) for each in candidates),
@@ -449,16 +437,16 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     )
 
 
-def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
+def list_coefficients(fitted: results.Fit) -> tuple[CoefficientValue, ...]:
     def state(
         name: str,
         quantity: Quantity,
-        of: PositionFit | EdgeColour | FalloffTable,
+        of: results.PositionFit | results.EdgeColour | results.FalloffTable,
         channel: str,
         dof: float | None,
     ) -> CoefficientValue:
-        place = "" if isinstance(of, FalloffTable) else of.position
-        kind = "slanted_edge" if isinstance(of, EdgeColour) else of.kind
+        place = "" if isinstance(of, results.FalloffTable) else of.position
+        kind = "slanted_edge" if isinstance(of, results.EdgeColour) else of.kind
         return CoefficientValue(
             name=name,
             value=quantity.value,
@@ -490,11 +478,13 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
-def _flags_at(fitted: Fit, where: str) -> tuple[str, ...]:
+def _flags_at(fitted: results.Fit, where: str) -> tuple[str, ...]:
     return tuple(sorted({raised.flag for raised in fitted.flags if raised.where in ("", where)}))
 
 
-def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], params: Params) -> Point:
+def _describe_point(
+    candidate: Candidate, positions: Sequence[results.PositionFit], params: results.Params
+) -> results.Point:
     """Return one channel of one region with its distance from its position's mean."""
     estimate = candidate.measure(params)
     residual = None
@@ -502,7 +492,7 @@ def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], para
         at = next(each for each in positions if _key(each) == candidate.key)
         mean = at.find(candidate.figure)
         residual = None if mean is None else estimate.value / mean.quantity.value - 1.0
-    return Point(
+    return results.Point(
         frame=candidate.frame,
         position=candidate.region.name,
         channel=candidate.channel,
@@ -516,5 +506,5 @@ def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], para
     )
 
 
-def _key(position: PositionFit) -> tuple[str, str, str, float]:
+def _key(position: results.PositionFit) -> tuple[str, str, str, float]:
     return position.kind, position.position, position.channel, position.f_number or 0.0

@@ -117,20 +117,7 @@ def compute_motion(case: MotionCase) -> Motion:
 
 
 def tolerable_rate_deg_s(case: MotionCase, exposure_time_s: float) -> float:
-    """Compute the rotation rate whose theoretical motion is the case's limit.
-
-    Parameters
-    ----------
-    case : MotionCase
-        Lens and limit.
-    exposure_time_s : float
-        Exposure time used instead of the case's own, for a curve [s].
-
-    Returns
-    -------
-    float
-        Rotation rate omega = s_p u / (c t) [deg/s], as in figure 7 of reference 1 of `compute_motion`.
-    """
+    """Compute the rotation rate omega = s_p u / (c t) whose theoretical motion is the limit [deg/s]."""
     return math.degrees(_pixel_angle(case) * case.limit_px / exposure_time_s)
 
 
@@ -178,18 +165,7 @@ class FrameBlur(Record):
 
 
 def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:
-    """Return the attitudes of a file's sunshine records in the order of time.
-
-    Parameters
-    ----------
-    multispectral : Multispectral or None
-        Multispectral metadata of the file, if it has any.
-
-    Returns
-    -------
-    tuple of Attitude
-        One attitude per time; empty if the file has none.
-    """
+    """Return the attitudes of a file's sunshine records in the order of time; empty if it has none."""
     if multispectral is None or multispectral.counts is None:
         return ()
     found = {
@@ -213,16 +189,6 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
         rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)
 
     Differences of the angles themselves would jump at 360 degrees, and are not the rates of a tilted body.
-
-    Parameters
-    ----------
-    attitudes : sequence of Attitude
-        Records in order of time.
-
-    Returns
-    -------
-    tuple of Turn
-        One rotation per pair of successive records.
     """
     turns = []
     for first, second in itertools.pairwise(attitudes):

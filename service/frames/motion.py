@@ -1,4 +1,4 @@
-"""The image motion of frames from the attitudes that their files record."""
+"""The image motion of a campaign's frames from the attitudes that their files record."""
 
 from dataclasses import replace
 from typing import Annotated, Any, Literal
@@ -15,12 +15,8 @@ from radiometry.tools.motion import (
     Basis,
     FrameBlur,
     MotionCase,
-    Turn,
     blur_of_file,
     compute_motion,
-    compute_turns,
-    read_attitudes,
-    tolerable_rate_deg_s,
 )
 from service.campaigns.schemas import Role
 from service.http import lookup, operations, tables
@@ -78,40 +74,6 @@ class CampaignOptics(FrameOptics):
         if self.distance_m is None:
             return case
         return replace(case, distance_m=self.distance_m, ground_speed_m_s=self.speed_m_s)
-
-
-class TurnAnswer(Answer, restates=Turn):
-    """Turn between two records, about the body's own axes."""
-
-    tilt_rate_deg_s: float = told("Of roll and pitch together.")
-
-
-class FrameMotionAnswer(
-    Answer, restates=(FrameBlur, MotionCase), fields="basis corner_blur_px exposure_time_s limit_px turn"
-):
-    """Blur of one frame from the attitudes that it records; rotation alone."""
-
-    frame_id: str
-    rotation_rate_deg_s: float = told("Of the line of sight: roll and pitch together.")
-    rotation_blur_px: float = told("Theoretical, in the centre of the picture.")
-    practical_blur_px: float = told("Half of the theoretical blur.")
-    tolerable_rate_deg_s: float = told("At which the theoretical blur reaches limit_px.")
-    turns: list[TurnAnswer] = told("From every record of the file to the next.")
-
-    @classmethod
-    def of(
-        cls, frame_id: str, case: MotionCase, blur: FrameBlur, turns: tuple[Turn, ...]
-    ) -> "FrameMotionAnswer":
-        return cls.restate(
-            blur,
-            case,
-            frame_id=frame_id,
-            rotation_rate_deg_s=blur.turn.tilt_rate_deg_s,
-            rotation_blur_px=blur.centre_blur_px,
-            practical_blur_px=blur.centre_blur_px / 2,
-            tolerable_rate_deg_s=tolerable_rate_deg_s(case, case.exposure_time_s),
-            turns=turns,
-        )
 
 
 class FrameMotionRow(Answer):
@@ -197,29 +159,6 @@ class CampaignMotionAnswer(Answer):
 
 
 router = operations.Router(prefix="/v1", tags=["tools"])
-
-
-@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer)
-def get_frame_motion(
-    frame_id: lookup.Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
-) -> Response:
-    """The blur of a frame whose file records attitudes with their times, as a Sequoia's does.
-
-    The camera is taken as fixed to the aircraft, looking down. Rotation alone, without vibration.
-    """
-    with context.database.reading() as session:
-        frame = lookup.owned(session, FrameRow, frame_id, caller)
-        pitch_um = _find_pitch(session, session.get_one(Campaign, frame.campaign_id), optics)
-    header, exposure_time_s = _read(frame)
-    blur = blur_of_file(
-        header,
-        exposure_time_s=exposure_time_s,
-        pixel_pitch_um=pitch_um,
-        focal_length_mm=optics.focal_length_mm,
-    )
-    case = optics.case(pitch_um, exposure_time_s)
-    turns = compute_turns(read_attitudes(header.multispectral))
-    return FrameMotionAnswer.of(frame.id, case, blur, turns).respond()
 
 
 @router.get(

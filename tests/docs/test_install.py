@@ -4,7 +4,6 @@ The commands for a laptop make the environment of the tests; the others need roo
 domain of one's own.
 """
 
-import importlib.util
 import json
 import re
 
@@ -33,15 +32,3 @@ def test_the_policy_of_the_bucket_allows_what_is_done_and_no_more():
     done = set(re.findall(r"obstore\.(\w+)\(", (ROOT / "store/blobs/objects.py").read_text()))
     assert done == {"get", "head", "list_with_delimiter", "put"}
     assert allowed == {"s3:GetObject", "s3:PutObject", "s3:AbortMultipartUpload", "s3:ListBucket"}
-
-
-def test_each_large_package_of_the_environment_has_its_row():
-    spec = importlib.util.spec_from_file_location("wheels", ROOT / "docs" / "wheels.py")
-    wheels = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(wheels)
-    table = INSTALL.partition("<!-- wheels -->")[2]
-    row = re.compile(r"^\| ([a-z0-9-]+) \| \d+ \| (.+) \|$", re.MULTILINE)
-    *named, _ = row.findall(table)
-    assert dict(named) == wheels.REASONS
-    *rendered, _ = row.findall(wheels.render())
-    assert rendered == named

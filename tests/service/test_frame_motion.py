@@ -1,4 +1,4 @@
-"""The blur of a frame from the attitudes that its file records."""
+"""The blur of a campaign's frames from the attitudes that their files record."""
 
 import csv
 import io
@@ -41,46 +41,19 @@ def upload_with_attitudes(house, campaign=None, *, seed=7, serial="0K1XE8", **sp
 OPTICS = {"pixel_pitch_um": 3.75, "focal_length_mm": 3.98}
 
 
-def test_the_blur_of_a_frame_from_its_attitudes(house):
-    frame = upload_with_attitudes(house)
-    answer = house.get(f"/v1/frames/{frame['id']}/motion", **OPTICS)
-    assert answer["basis"] == "during"
-    assert answer["rotation_rate_deg_s"] == pytest.approx(10.0, rel=2e-3)
-    assert answer["rotation_blur_px"] == pytest.approx(
-        1.852, rel=2e-3
-    )  # 0.1 degree of 3.75 / 3980 rad a pixel
-    assert answer["practical_blur_px"] == answer["rotation_blur_px"] / 2
-    # 64 x 96 pixels: the corner lies 57.7 px out, and turns by 0.2 degrees
-    assert answer["corner_blur_px"] - answer["rotation_blur_px"] == pytest.approx(0.2014, rel=2e-3)
-    assert answer["tolerable_rate_deg_s"] == pytest.approx(10.0 * 0.5 / 1.852, rel=2e-3)
-    assert len(answer["turns"]) == 1
-
-
-def test_a_frame_without_attitudes_says_what_to_do(house):
-    frame = house.upload(house.campaign(), house.frame_bytes(seed=8), role="field")
-    path = f"/v1/frames/{frame['id']}/motion"
-    assert house.get(path, **OPTICS, status=422)["code"] == "frame_not_read"
-    house.work()
-    problem = house.get(path, **OPTICS, status=422)
-    assert problem["code"] == "attitude_missing"
-    assert "Enter the rotation rate" in problem["detail"]
-    assert house.get(path, pixel_pitch_um=3.75, status=422)["errors"][0]["field"] == "query.focal_length_mm"
-
-
 def test_a_real_sequoia_in_the_air(house):
     path = data_file("sequoia/IMG_180413_080658_0000_GRE.TIF")
     header = house.worker.decoders.read_header(path)
     camera = house.camera(make=header.make, model=header.model, serial=header.serial or "1")
     campaign = house.campaign(camera_id=camera["id"])
-    frame = house.upload(campaign, path.read_bytes(), role="field", filename=path.name)
+    house.upload(campaign, path.read_bytes(), role="field", filename=path.name)
     house.work()
-    answer = house.get(f"/v1/frames/{frame['id']}/motion", **OPTICS)
+    (row,) = house.get(f"/v1/campaigns/{campaign['id']}/motion", **OPTICS)["rows"]
     # taken 0.14 s after the last record; from the one 0.2 s before that, pitch went up 0.0546 degrees,
     # roll down 0.0218, yaw down 0.0614, of which a roll of -8.1 degrees makes 0.0086 of pitch
-    assert answer["basis"] == "nearest"
-    assert answer["rotation_rate_deg_s"] == pytest.approx(0.335, abs=0.005)
-    assert answer["rotation_blur_px"] == pytest.approx(0.0186, abs=0.0003)
-    assert len(answer["turns"]) == 9
+    assert row["basis"] == "nearest"
+    assert row["rotation_rate_deg_s"] == pytest.approx(0.335, abs=0.005)
+    assert row["rotation_blur_px"] == pytest.approx(0.0186, abs=0.0003)
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +77,11 @@ def flight(house):
 def test_a_campaign_s_frames_in_one_table(house, flight):
     answer = house.get(f"/v1/campaigns/{flight['id']}/motion", **OPTICS)
     turned, still, dark, refused, waiting = answer["rows"]
+    assert turned["basis"] == "during"
+    assert turned["rotation_rate_deg_s"] == pytest.approx(10.0, rel=2e-3)
+    # 0.1 degree of 3.75 / 3980 rad a pixel
     assert turned["rotation_blur_px"] == pytest.approx(1.852, rel=2e-3)
+    assert turned["tolerable_rate_deg_s"] == pytest.approx(10.0 * 0.5 / 1.852, rel=2e-3)
     assert turned["theoretical_blur_px"] == turned["rotation_blur_px"] == 2 * turned["practical_blur_px"]
     assert turned["corner_blur_px"] - turned["rotation_blur_px"] == pytest.approx(0.2014, rel=2e-3)
     assert (turned["within_limit"], still["within_limit"]) == (False, True)
@@ -112,12 +89,9 @@ def test_a_campaign_s_frames_in_one_table(house, flight):
     said = [(row["missing_code"], "within_limit" in row) for row in (dark, refused, waiting)]
     assert said == [("attitude_missing", False), ("frame_not_read", False), ("frame_not_read", False)]
     assert "refused (" in refused["missing"]
+    assert "Enter the rotation rate" in dark["missing"]
     names = ("frames", "with_rates", "within_limit", "beyond_limit")
     assert [answer[name] for name in names] == [5, 2, 1, 1]
-    one = house.get(f"/v1/frames/{turned['frame_id']}/motion", **OPTICS)
-    assert {name: one[name] for name in one if name in turned} == {
-        name: turned[name] for name in one if name in turned
-    }
 
 
 @pytest.mark.parametrize(("limit_px", "within"), [(1.84, False), (1.86, True)])
@@ -159,8 +133,6 @@ def test_the_camera_s_record_says_the_pitch(house):
     path = f"/v1/campaigns/{campaign['id']}/motion"
     (row,) = house.get(path, focal_length_mm=3.98)["rows"]
     assert row["rotation_blur_px"] == pytest.approx(1.852 / 2, rel=2e-3)
-    one = house.get(f"/v1/frames/{row['frame_id']}/motion", focal_length_mm=3.98)
-    assert one["rotation_blur_px"] == row["rotation_blur_px"]
     assert house.get(path, **OPTICS)["rows"][0]["rotation_blur_px"] == pytest.approx(1.852, rel=2e-3)
 
 

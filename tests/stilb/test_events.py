@@ -29,7 +29,7 @@ def check_heads(team, campaign, frame):
     """A head is the GET's own, and the line is of use afterwards; that of a stream awaits no change."""
     key = {"Authorization": f"Bearer {team.key}"}
     paths = (
-        "/docs/pictures/architecture.svg",
+        "/docs/pictures/concept.svg",
         f"/v1/campaigns/{campaign.id}",
         f"/v1/frames/{frame.id}/content",
     )
