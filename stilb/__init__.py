@@ -32,6 +32,8 @@ from stilb.records import (
     Reading,
     Reason,
     Rig,
+    Road,
+    RoadResult,
     Session,
 )
 from stilb.resources.organisation import Health
@@ -66,6 +68,8 @@ __all__ = [
     "Reading",
     "Reason",
     "Rig",
+    "Road",
+    "RoadResult",
     "Session",
     "Unclear",
     "Upload",

@@ -1,6 +1,6 @@
 """The client: one method a thing that a field team or a dashboard does."""
 
-from stilb.resources import calibrations, campaigns, equipment, frames, measurements, organisation
+from stilb.resources import calibrations, campaigns, equipment, frames, measurements, organisation, roads
 
 
 class Client(
@@ -12,6 +12,7 @@ class Client(
     measurements.Maps,
     measurements.Measurements,
     organisation.Organisation,
+    roads.Roads,
     frames.Receipts,
     organisation.System,
 ):

@@ -284,6 +284,23 @@ class Measurement(Record):
         return tuple(raised["flag"] for raised in self.raw.get("flags", ()))
 
 
+class Road(Record):
+    """A road as it is stated. ``raw`` also contains site, requirement, frames, points, grid and results."""
+
+    id: str
+    name: str
+    created_at: datetime | None = None
+
+
+class RoadResult(Record):
+    """An evaluation of a road. ``raw`` also contains figures, criteria, points and flags."""
+
+    road_id: str
+    number: int
+    verdict: str  # conforms | does_not | not_decided | not_measured
+    created_at: datetime | None = None
+
+
 class Comparison(Record):
     """Difference of two measurements, new - old. ``raw`` also contains both sides, and the cells of grids."""
 

@@ -10,7 +10,18 @@ import typer
 from typer.core import TyperGroup
 
 from stilb import problem, transport
-from stilb.commands import calibration, campaign, jobs, keys, measurements, output, push, receipt, session
+from stilb.commands import (
+    calibration,
+    campaign,
+    jobs,
+    keys,
+    measurements,
+    output,
+    push,
+    receipt,
+    roads,
+    session,
+)
 
 # by section the name of each command, its function or its own group, and an example
 _SECTIONS: Final = {
@@ -29,6 +40,7 @@ _SECTIONS: Final = {
         ("measure", measurements.measure, "stilb measure --campaign P-18 --save night.csv"),
         ("map", measurements.read_map, "stilb map msr_01 --levels 0.5,1,2"),
         ("compare", measurements.compare, "stilb compare msr_01 msr_02"),
+        ("road", roads.road, "stilb road roa_01 --points points.csv --save night"),
         ("motion", campaign.motion, "stilb motion P-17 --focal-length 3.98"),
         ("rig", calibration.rig, "stilb rig rig_01 --save rig.json"),
         ("fleet", calibration.fleet, "stilb fleet geometry 0K1XE8 0K1XE9 --tolerance 0.5"),

@@ -18,6 +18,7 @@ from store.software import read_version
 from tests.support.campaigns import K_TRUE
 from tests.support.compose import ROOT
 from tests.support.frames import write_frame
+from tests.support.roads import MARKS, REQUIREMENT, SITE, list_points, write_road_frame
 
 PUBLISHED = "2026-04-01T00:00:00Z"
 
@@ -521,3 +522,27 @@ def test_campaigns_and_cameras_are_those_of_the_service(signed_in, team, complet
     team.client.change_campaign(campaign.id, project_number="Ring-Road")
     assert complete("campaign", "show", "Ri") == {"Ring-Road"}
     assert complete("k", "") == {team.client.camera(campaign.camera_id).serial}
+
+
+def test_road_is_planned_read_evaluated_and_saved(command, calibrated, tmp_path):
+    team, campaign, *_ = calibrated
+    frame = team.client.push(campaign.id, write_road_frame(tmp_path), role="field")
+    team.client.wait(frame.job_id)
+    frames = [{"frame_id": frame.id, "marks": MARKS}]
+    stated = {"name": "Mill Road", "site": SITE, "requirement": REQUIREMENT, "frames": frames}
+    (tmp_path / "road.json").write_text(json.dumps(stated))
+    plan = command("road", tmp_path / "road.json", "--plan", tmp_path / "card.pdf", "--json").json
+    assert len(plan["points"]) > 4
+    assert (tmp_path / "card.pdf").read_bytes().startswith(b"%PDF")
+    lines = [
+        f"{each['name']},{each['x_m']},{each['y_m']},illuminance,lx,{each['values'][0]}"
+        for each in list_points(None)
+    ]
+    table = tmp_path / "points.csv"
+    table.write_text("\n".join(["name,x_m,y_m,quantity,unit,value", *lines]))
+    ended = command("road", plan["road_id"], "--points", table, "--save", tmp_path / "out")
+    assert ended.code == Exit.DONE, ended.err
+    assert "conforms" in ended.out
+    saved = sorted(path.suffix for path in (tmp_path / "out").iterdir())
+    assert saved == [".csv", ".geojson", ".pdf", ".png"]
+    assert [each.name for each in team.client.roads()] == ["Mill Road"]

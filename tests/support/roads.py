@@ -57,7 +57,7 @@ def illuminate(x_m, y_m):
     return (3000.0 * 8.0 / (64.0 + squared) ** 1.5).sum(axis=-1)
 
 
-def write_road_frame(house, *, seed=1, noise_dn=1.0):
+def write_road_frame(folder, *, seed=1, noise_dn=1.0):
     """A frame from straight above, x to the right and y downwards."""
     shape = int((WIDTH_M + 2 * MARGIN_M) * PX_PER_M), int((SPACING_M + 2 * MARGIN_M) * PX_PER_M)
     y, x = ((np.indices(shape) + 0.5) / PX_PER_M) - MARGIN_M
@@ -66,7 +66,7 @@ def write_road_frame(house, *, seed=1, noise_dn=1.0):
     mosaic = np.random.default_rng(seed).normal(BLACK + signal, noise_dn)
     samples = np.clip(np.rint(mosaic), 0, WHITE).astype(np.uint16)
     settings = {"exposure_time_s": _EXPOSURE_S, "f_number": _F_NUMBER, "iso": _ISO}
-    return write_raw(house.folder / "road.dng", samples, **settings).read_bytes()
+    return write_raw(folder / f"road-{seed}.DNG", samples, **settings)
 
 
 def mark(x_m, y_m):
@@ -101,7 +101,7 @@ def state_road(house, *, frames=2, publish=True, **changes):
         published_campaign(house, isos=(3200,))
     night = house.campaign(kind="measurement")
     ids = [
-        house.upload(night, write_road_frame(house, seed=n), role="field", filename=f"road-{n}.DNG")["id"]
+        house.upload(night, write_road_frame(house.folder, seed=n).read_bytes(), role="field")["id"]
         for n in range(frames)
     ]
     house.work()
