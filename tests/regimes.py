@@ -45,6 +45,7 @@ from tests.radiometry.coefficients import apply_coefficient
 from tests.radiometry.frames import frame_of
 from tests.radiometry.geometry.boards import make_header, make_row
 from tests.radiometry.reflectance.captures import change_band, take
+from tests.radiometry.road.simulated import measure_road
 
 K95 = 1.96
 
@@ -285,6 +286,21 @@ for noise, latitude_deg, shots in (
 ):
     named = f"R, {shots} light reading{'s' * (shots > 1)} to {100 * noise:g} %, sun at {latitude_deg:g}°"
     regime(named, draws=1000)(_reflectance(noise, latitude_deg, shots))
+
+
+# --- roads: 8 control points, patches of 5 and 10 %, b1 within 0.3
+
+
+def _road(at: int) -> Regime:
+    def work(random: Random) -> Iterator[Drawn]:
+        error, half, *_ = measure_road(int(random.integers(2**31)))[at]
+        yield Drawn(error, half / K95, half)
+
+    return work
+
+
+for at, figure in enumerate(("E_av", "U_0")):
+    regime(f"{figure} of a road, 8 control points", draws=200)(_road(at))
 
 
 # --- optics

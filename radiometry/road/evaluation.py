@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.road import codes
-from radiometry.road.field import Field, Rows, draw_fields, fit_model, select_rows, solve_field
+from radiometry.road.field import Field, Rows, draw_fields, fit_models, select_rows, solve_field
 from radiometry.road.grid import GridPoint
 from radiometry.road.judging import Found, flag_road
 from radiometry.road.observations import UNCERTIFIED_U, Places, gather, make_rows
@@ -26,7 +26,7 @@ from radiometry.road.verdict import Drawn, compute_figures, find_worst, judge_cl
 
 DRAWS = 4000
 # Of a reading against the map without it, in standard uncertainties; and the most that are dropped for it
-_DIFFERS, _MOST_DROPPED = 3.5, 0.25
+_DIFFERS, _MOST_DROPPED = 4.5, 0.25
 
 
 def evaluate_road(
@@ -35,7 +35,7 @@ def evaluate_road(
     """Evaluate a road from luminances of its grid and control points, and the readings at the latter.
 
     The field of ln E (see `radiometry.road.field`) is solved with all readings but those that a person left
-    out, and those that differ from the map made without them by more than 3.5 standard uncertainties; the
+    out, and those that differ from the map made without them by more than 4.5 standard uncertainties; the
     latter are flagged. Figures are medians of draws from its posterior with intervals of 95 %.
 
     Parameters
@@ -53,11 +53,13 @@ def evaluate_road(
         raise codes.ROAD_WET.refuse("The road is stated to be wet.")
     places = gather(road, points, readings)
     rows = make_rows(road, places, scale)
-    model = fit_model(places.xy_m, rows, patches=road.conditions.patches_u_rel)
+    model, *others = fit_models(places.xy_m, rows, patches=road.conditions.patches_u_rel)
     field, used = _solve(places, rows, model)
     judged = find_judged(road, points)
+    fields = [solve_field(places.xy_m, select_rows(rows, used), each) for each in others]
+    draws = draw_fields(fields, places=len(points), draws=DRAWS)
     means = np.exp(field.mean[: len(points)])
-    figures = compute_figures(road, points, judged, draw_fields(field, places=len(points), draws=DRAWS))
+    figures = compute_figures(road, points, judged, draws)
     criteria = tuple(_advise(each, figures, road, field, rows, judged) for each in judge_road(road, figures))
     control = compare_control(road, places, rows, field, used)
     lit = describe_grid(points, judged, places)

@@ -18,7 +18,7 @@ and 5.4
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -36,6 +36,7 @@ _MEAN_U = 10.0
 USUAL = Model(patches_rel=0.05, along_m=5.0, across_m=5.0, sigma=0.5)
 # of the ln of along, across, sigma and patches
 _WIDE = np.array([1.0, 1.0, 1.0, 1.0])
+_MODELS, _STEP = 24, 0.05
 _BOUNDS = tuple(zip(np.log([1.5, 1.5, 0.05, 0.005]), np.log([30.0, 60.0, 3.0, 0.4]), strict=True))
 
 
@@ -67,27 +68,45 @@ class Field(NamedTuple):
     left_u: Array
 
 
-def fit_model(xy_m: Array, rows: Rows, *, patches: float) -> Model:
-    """Fit lengths, size and patches of the field to the luminances alone."""
-    seen = ~rows.is_reading
-    usual = np.log([USUAL.along_m, USUAL.across_m, USUAL.sigma, patches])
-    alone = select_rows(rows, seen)
-    fixed = _cover(alone)
+def fit_models(xy_m: Array, rows: Rows, *, patches: float) -> tuple[Model, ...]:
+    """Fit lengths, size and patches of the field to the luminances alone.
+
+    The first model is the most likely one. The others are drawn from its Laplace approximation, and again by
+    their likelihood over that of the approximation: figures then know how well the field is known.
+    """
+    alone = select_rows(rows, ~rows.is_reading)
+    fixed, usual = _cover(alone), np.log([USUAL.along_m, USUAL.across_m, USUAL.sigma, patches])
 
     def cost(ln: Array) -> float:
         covariance = fixed + _vary(_read(ln), xy_m[alone.places], xy_m[alone.places])
         covariance[np.diag_indices_from(covariance)] += math.exp(2.0 * ln[3])
-        try:
-            low = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError:
-            return 1e10
+        low = np.linalg.cholesky(covariance)
         white = scipy.linalg.solve_triangular(low, alone.values, lower=True)
         prior = float(np.sum(((ln - usual) / _WIDE) ** 2)) / 2.0
         return float(white @ white) / 2.0 + float(np.sum(np.log(np.diag(low)))) + prior
 
     starts = [usual, usual + np.array([0.5, 0.5, 0.0, -0.5]), usual - np.array([0.5, 0.5, 0.0, 0.0])]
     found = [scipy.optimize.minimize(cost, start, method="L-BFGS-B", bounds=_BOUNDS) for start in starts]
-    return _read(min(found, key=lambda each: float(each.fun)).x)
+    best = min(found, key=lambda each: float(each.fun))
+    return _read(best.x), *(_read(each) for each in _draw_models(cost, best.x))
+
+
+def _draw_models(cost: Callable[[Array], float], best: Array) -> Array:
+    """Draw from the density exp(-cost) about its maximum, (models, parameters)."""
+    steps = _STEP * np.eye(len(best))
+    curve = np.array(
+        [
+            [cost(best + a + b) - cost(best + a - b) - cost(best - a + b) + cost(best - a - b) for b in steps]
+            for a in steps
+        ]
+    ) / (4.0 * _STEP**2)
+    values, vectors = np.linalg.eigh(curve)
+    random = np.random.default_rng(0)
+    normal = random.standard_normal((_MODELS, len(best)))
+    drawn = np.clip(best + normal / np.sqrt(np.maximum(values, 1.0)) @ vectors.T, *np.array(_BOUNDS).T)
+    ln = np.sum(normal**2, axis=1) / 2.0 - [cost(each) for each in drawn]
+    likely = np.exp(ln - ln.max())
+    return np.asarray(drawn[random.choice(_MODELS, _MODELS, p=likely / likely.sum())])
 
 
 def select_rows(rows: Rows, kept: NDArray[np.bool_]) -> Rows:
@@ -162,9 +181,12 @@ def find_angles(places_m: Array, lamps_m: Array) -> Array:
     return np.asarray(np.sum(weights * (1.0 - cosines), axis=1) / np.sum(weights, axis=1))
 
 
-def draw_fields(field: Field, *, places: int, draws: int) -> Array:
-    """Draw E [lx] at the first places from the posterior, (draws, places)."""
-    values, vectors = np.linalg.eigh(field.covariance[:places, :places])
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    normal = np.random.default_rng(0).standard_normal((draws, places))
-    return np.asarray(np.exp(field.mean[:places] + normal @ root.T))
+def draw_fields(fields: Sequence[Field], *, places: int, draws: int) -> Array:
+    """Draw E [lx] at the first places, as often from each posterior, (draws, places)."""
+    random, found = np.random.default_rng(0), []
+    for field in fields:
+        values, vectors = np.linalg.eigh(field.covariance[:places, :places])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        normal = random.standard_normal((draws // len(fields), places))
+        found.append(field.mean[:places] + normal @ root.T)
+    return np.asarray(np.exp(np.concatenate(found)))

@@ -12,11 +12,13 @@ import math
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
+from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import GridPoint, lay_points
 from radiometry.road.rules import find_rule
 from radiometry.road.site import (
     Conditions,
     ControlPoint,
+    Criterion,
     Meter,
     Reading,
     Requirement,
@@ -131,8 +133,7 @@ def survey(
     same_meter=False,
     wrong=None,
     spectral=0.1,
-    decision="guarded",
-    limits=None,
+    limit_at_truth=False,
     rho_u=0.15,
     noise=0.002,
 ):
@@ -155,11 +156,13 @@ def survey(
         ControlPoint(name=f"P{n + 1}", x_m=x, y_m=y, quantity="illuminance", values=(float(v),), meter="lux")
         for n, ((x, y), v) in enumerate(zip(places, read, strict=True))
     )
+    true = {"e_av": e[: len(points)].mean(), "u_0": e[: len(points)].min() / e[: len(points)].mean()}
+    limits = [Criterion(figure=name, at_least=float(value)) for name, value in true.items()]
     stated = truth.rho * math.exp(rho_u * random.standard_normal())
     road = Road(
         site=truth.site,
         requirement=Requirement(
-            rule=EN, road_class="C3", criteria=limits or (), confirmed="me", decision=decision
+            rule=EN, road_class="C3", criteria=tuple(limits) if limit_at_truth else (), confirmed="me"
         ),
         conditions=Conditions(
             surface="dry", reflectance=stated, reflectance_u_rel=rho_u, mains_frequency_hz=50.0
@@ -175,3 +178,17 @@ def survey(
         for n, v in zip(names, seen, strict=True)
     ]
     return road, points, readings, scale, e[: len(points)]
+
+
+def measure_road(seed):
+    """Error of E_av and U_0, half of its interval, whether that holds the truth, if a limit there is met."""
+    random = np.random.default_rng(seed)
+    truth = draw_road(random, patches=(0.05, 0.1)[seed % 2])
+    road, points, readings, scale, _ = survey(truth, random, limit_at_truth=True)
+    result = evaluate_road(road, points, readings, scale=scale)
+    figures, found = {each.figure: each for each in result.figures}, []
+    for criterion in result.criteria:
+        value, figure = criterion.at_least, figures[criterion.figure]
+        half, is_held = figure.expanded_uncertainty / value, figure.low <= value <= figure.high
+        found.append((figure.value / value - 1.0, half, is_held, criterion.verdict == "conforms"))
+    return found
