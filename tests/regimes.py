@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple, TextIO
 
 import numpy as np
-from scipy.special import erf
+from scipy.special import erf, ndtri
 from scipy.stats import binomtest
 
 from radiometry.fitting.curve import coverage_factor
@@ -33,8 +33,10 @@ from radiometry.luminance.rows import Params as LuminanceParams
 from radiometry.luminance.surface import Cells, judge_uniformity
 from radiometry.noise import channels, stacks
 from radiometry.noise.results import ChannelBlock
+from radiometry.noise.results import Params as NoiseParams
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.sun import locate_suns_of
+from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.fit import extract as extract_sharpness
 from radiometry.sharpness.results import Target as SharpnessTarget
 from radiometry.vignetting.blocks import Grid, Site
@@ -189,9 +191,13 @@ for count in (2, 3, 4):
     regime(f"mean of {count} frames under flicker", draws=2000)(_mean(count))
 
 
-def _uniformity(noise: float, *, lengthwise: bool) -> Regime:
-    along, across = np.meshgrid((np.arange(10) + 0.5) / 10, (np.arange(6) + 0.5) / 6)
-    light = 1.0 + 0.45 * np.cos(2 * np.pi * along) * (1.1 - 0.3 * across)
+ALONG, ACROSS = np.meshgrid((np.arange(10) + 0.5) / 10, (np.arange(6) + 0.5) / 6)
+POOLS = 1.0 + 0.45 * np.cos(2 * np.pi * ALONG) * (1.1 - 0.3 * ACROSS)
+EQUAL = np.ones_like(POOLS)
+DARKER = np.where(np.arange(60).reshape(6, 10) == 24, 0.85, 1.0)
+
+
+def _uniformity(noise: float, *, lengthwise: bool = False, light: np.ndarray = POOLS) -> Regime:
     none = np.zeros((0, *light.shape))
 
     def work(random: Random) -> Iterator[Drawn]:
@@ -207,8 +213,10 @@ def _uniformity(noise: float, *, lengthwise: bool) -> Regime:
 
 
 for noise in (0.05, 0.1):
-    regime(f"U_o, cells to {100 * noise:g} %")(_uniformity(noise, lengthwise=False))
+    regime(f"U_o, cells to {100 * noise:g} %")(_uniformity(noise))
     regime(f"U_l, cells to {100 * noise:g} %", draws=100)(_uniformity(noise, lengthwise=True))
+regime("U_o, equal cells to 5 %")(_uniformity(0.05, light=EQUAL))
+regime("U_o, one of equal cells 15 % darker, to 5 %")(_uniformity(0.05, light=DARKER))
 
 
 # --- reflectance: a panel that leans by 2 degrees, a light sensor on a mount, a sky that is partly diffuse
@@ -368,7 +376,7 @@ def _edge(random: Random) -> Iterator[Drawn]:
     found = extracted.features.regions[0].edges[0].mtf50
     truth = math.sqrt(math.log(2.0) / 2.0) / (math.pi * sigma)
     u = found.standard_uncertainty / truth
-    yield Drawn(found.value / truth - 1.0, u, K95 * u)
+    yield Drawn(found.value / truth - 1.0, u, coverage_factor(JACKKNIFE_DOF) * u)
 
 
 BOARD = Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
@@ -454,6 +462,76 @@ def _dsnu(deviation_e: float, count: int) -> Regime:
 
 for deviation_e, count in ((3.0, 2), (3.0, 16), (1.0, 16)):
     regime(f"DSNU of {deviation_e:g} e⁻ beside 4 e⁻, {count} frames")(_dsnu(deviation_e, count))
+
+
+FULL_WELL, PRNU, CURRENT = 24_000.0, 0.01, 40.0  # e-; e-/s
+
+
+def _fill(electrons: np.ndarray, softness: float) -> np.ndarray:
+    """What a well holds of the electrons: it ends at FULL_WELL, within ``softness`` of it."""
+    return FULL_WELL - softness * np.logaddexp(0.0, (FULL_WELL - electrons) / softness)
+
+
+def _find_true_saturation(softness: float) -> float:
+    """The mean signal of the greatest variance from frame to frame [DN]."""
+    normal = ndtri((np.arange(400) + 0.5) / 400)
+    pixels = 1.0 + PRNU * normal[::20, None]
+    found = []
+    for electrons in np.linspace(0.8, 1.1, 601) * FULL_WELL:
+        seen = _fill(electrons * pixels + np.sqrt(electrons * pixels) * normal, softness)
+        found.append((float(seen.var(axis=1).mean()), float(seen.mean())))
+    return GAIN * max(found)[1]
+
+
+def _sensor(figure: str, truth: float, *, softness: float = 1.0) -> Regime:
+    """Two frames of each of 12 levels and darks of three times; the well ends below white."""
+
+    def expose(random: Random, role: str, time_s: float, prnu, rate: float):
+        shown = [
+            np.rint(
+                256.0
+                + GAIN
+                * (
+                    _fill(random.poisson(rate * time_s * prnu + CURRENT * time_s).astype(float), softness)
+                    + random.normal(0.0, 4.0, (SIDE, SIDE))
+                )
+            ).astype(np.uint16)
+            for _ in range(2)
+        ]
+        return _stack(shown, role, time_s)
+
+    def work(random: Random) -> Iterator[Drawn]:
+        prnu = 1.0 + PRNU * random.standard_normal((SIDE, SIDE))
+        times = np.linspace(0.1, 1.2, 12) * random.uniform(0.96, 1.04)
+        made = [expose(random, "light", time_s, prnu, FULL_WELL) for time_s in times.tolist()]
+        made += [expose(random, "dark", time_s, prnu, 0.0) for time_s in (0.01, 0.5, 2.0)]
+        fit = channels.fit_channel(made, NoiseParams())
+        assert fit is not None
+        found = next(
+            getattr(part, figure)
+            for part in (fit.fit, fit.fit.transfer, fit.fit.dark_current)
+            if hasattr(part, figure)
+        )
+        u, k = (
+            found.standard_uncertainty / truth,
+            coverage_factor(fit.fit.effective_dof.get(figure, math.inf)),
+        )
+        yield Drawn(found.value / truth - 1.0, u, k * u)
+
+    return work
+
+
+for figure, truth in (
+    ("system_gain_dn_per_e", GAIN),
+    ("read_noise_dn", GAIN * math.sqrt(4.0**2 + 0.01 * CURRENT)),
+    ("prnu_rel", PRNU),
+    ("dark_current_e_per_s", CURRENT),
+):
+    regime(f"{figure}, two frames a level", draws=200)(_sensor(figure, truth))
+for named, softness in (("sharply", 1.0), ("within 100 e⁻", 100.0), ("within 500 e⁻", 500.0)):
+    regime(f"saturation of a well that ends {named}", draws=200)(
+        _sensor("saturation_dn", _find_true_saturation(softness), softness=softness)
+    )
 
 
 # --- the table

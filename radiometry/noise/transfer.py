@@ -11,7 +11,7 @@ from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.frame.verdicts import TAKE_AGAIN, inspect_black
 from radiometry.noise.results import DARK, DarkCurrentFigures, Params, SaturationOrigin, TransferFigures
-from radiometry.noise.stacks import Stack, Variance, estimate_rounded_noise, estimate_rounding_error
+from radiometry.noise.stacks import Image, Stack, Variance, estimate_rounded_noise, estimate_rounding_error
 from radiometry.records import Record
 
 
@@ -117,6 +117,11 @@ FEWEST_LEVELS = 3
 _ROUNDS = 20
 _RELATIVE_TOLERANCE = 1e-12
 _FALL_IN_ERRORS = 3.0
+_SOFTNESS = np.geomspace(1e-3, 0.15, 13)  # Of a full well's end, relative to it
+# By how much the variance near an end may differ from that of the form; and u from wells of another form (a
+# parabola between line and end), of what the softness lowers the maximum.
+_VARIANCE_U, _FORM_SHARE = 0.03, 0.15
+_NINE, _FORTY = ((np.arange(n) + 0.5) / n for n in (9, 40))
 _COLLAPSED = 0.5  # Of the greatest variance: what is below it lies on a plateau
 
 
@@ -165,9 +170,8 @@ def find_saturation(
 
     over the pixels' own levels m, with v(h) the variance of a standard normal number that is cut off at h. If
     it lies between b and a, it is taken at white, with the spread of noise and pixels as a rectangle. A full
-    well may end softly, at a lower maximum: it lies between that and b, or the brightest level on the line of
-    photon transfer, more likely near the former (a triangle). Else the greatest sampled variance is taken,
-    with (a - b) / 2.
+    well whose plateau brighter levels show may end softly (see `_weigh_softness`). Else the greatest sampled
+    variance is taken, with (a - b) / 2.
 
     [1] EMVA Standard 1288, release 4.0
     """
@@ -189,27 +193,58 @@ def find_saturation(
     plateau = falls and seen[-1][1].value_dn2 < _COLLAPSED * highest.value_dn2
     end_dn = seen[-1][0].signal_dn if plateau and not clipped else white_signal_dn
     expected, width = _expect_maximum(top, highest.value_dn2, end_dn)
+    if plateau and not clipped:
+        signal_dn, spread_dn = _weigh_softness(seen, top, end_dn)
+        u_dn = math.hypot(width / math.sqrt(12.0), spread_dn)
+        return Saturation(signal_dn=signal_dn, u_dn=u_dn, origin="variance_maximum")
     low_dn = seen[first - 1][0].signal_dn if first else 0.0
     high_dn = seen[last + 1][0].signal_dn if falls else math.inf
-    if falls and not ((plateau or clipped) and low_dn <= expected <= high_dn):
+    if falls and not (clipped and low_dn <= expected <= high_dn):
         u_dn = (high_dn - low_dn) / 2.0 / math.sqrt(3.0)
         return Saturation(signal_dn=top.signal_dn, u_dn=u_dn, origin="variance_maximum")
-    if not plateau or clipped:
-        origin: SaturationOrigin = "white_level" if clipped else "white_level_assumed"
-        return Saturation(signal_dn=expected, u_dn=width / math.sqrt(3.0), origin=origin)
-    room_dn = max(0.0, expected - max(low_dn, _find_end_of_line(seen[: last + 1])))
-    u_dn = max(width / math.sqrt(3.0), room_dn / math.sqrt(18.0))
-    return Saturation(signal_dn=expected - room_dn / 3.0, u_dn=u_dn, origin="variance_maximum")
+    origin: SaturationOrigin = "white_level" if clipped else "white_level_assumed"
+    return Saturation(signal_dn=expected, u_dn=width / math.sqrt(3.0), origin=origin)
 
 
-def _find_end_of_line(seen: Sequence[tuple[Level, Variance]]) -> float:
-    """Return the signal of the brightest level whose variance grew as that of the darker half [DN]."""
-    slopes = [each.value_dn2 / level.signal_dn for level, each in seen]
-    usual = float(np.median(slopes[: len(slopes) // 2 + 1]))
-    on_line = [
-        level.signal_dn for level, each in seen if each.value_dn2 + each.u_dn2 >= usual * level.signal_dn
-    ]
-    return max(on_line, default=0.0)
+def _weigh_softness(seen: Sequence[tuple[Level, Variance]], top: Level, end_dn: float) -> tuple[float, float]:
+    """Return the signal of the greatest variance below an end of unknown softness, and its uncertainty [DN].
+
+    Each softness has the weight with which the levels above half of the end show the variance that it makes
+    of their mean, exp(-chi^2 / 2), where all are as likely before. The form of the end is not known: a share
+    of what softness lowers the maximum is part of the uncertainty.
+    """
+    usual = [each.value_dn2 / level.signal_dn for level, each in seen if level.signal_dn < 0.7 * end_dn]
+    slope = float(np.median(usual)) if usual else seen[0][1].value_dn2 / seen[0][0].signal_dn
+    spread = math.sqrt(max(0.0, top.lit.pattern.value_dn2)) / top.signal_dn if top.lit.pattern else 0.0
+    shown = [(level, each) for level, each in seen if 0.5 * end_dn < level.signal_dn < end_dn]
+    maxima, misfits = [], []
+    for softness in _SOFTNESS:
+        means, variances = _trace_end(slope, spread, end_dn, softness)
+        maxima.append(float(means[variances.argmax()]))
+        misfits.append(
+            math.fsum(
+                (each.value_dn2 - float(np.interp(level.signal_dn, means, variances))) ** 2
+                / (each.u_dn2**2 + (_VARIANCE_U * slope * end_dn) ** 2)
+                for level, each in shown
+            )
+        )
+    weights = np.exp((min(misfits) - np.array(misfits)) / 2.0)
+    weights /= weights.sum()
+    value = float(weights @ maxima)
+    form = _FORM_SHARE * (maxima[0] - value)
+    return value, math.hypot(math.sqrt(float(weights @ (np.array(maxima) - value) ** 2)), form)
+
+
+def _trace_end(slope: float, spread: float, end_dn: float, softness: float) -> tuple[Image, Image]:
+    """Return mean and variance from frame to frame of rising light up to an end [DN], by quantiles.
+
+    Light x fills end - s ln(1 + exp((end - x) / s)), s = `softness` end; ``spread``: that of the pixels.
+    """
+    light = end_dn * np.linspace(0.5, 1.3, 161)[:, None, None]
+    own = light * (1.0 + spread * scipy.special.ndtri(_NINE)[:, None])
+    missing = end_dn - own - np.sqrt(slope * own) * scipy.special.ndtri(_FORTY)
+    seen = end_dn - softness * end_dn * np.logaddexp(0.0, missing / (softness * end_dn))
+    return seen.mean(axis=(1, 2)), seen.var(axis=2).mean(axis=1)
 
 
 def _expect_maximum(top: Level, variance_dn2: float, end_dn: float) -> tuple[float, float]:

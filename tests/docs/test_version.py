@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.12"
-    expected = "e206628be26a0acb507abcdf28a43d02fcc9e6d117bc1f99491c60da77d0fd06"
+    assert software.FIT_CODE_VERSION == "0.1.13"
+    expected = "5a7660054cc9e54a5304c548ab005b9bf5ae7841b85a319f9a689b38a28af5c5"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

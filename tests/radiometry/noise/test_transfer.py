@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import pack, unpack
@@ -182,18 +183,34 @@ def test_a_full_well_below_white_is_where_the_variance_falls():
     assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
 
 
-@pytest.mark.parametrize("softness_dn", [200.0, 500.0])
-def test_a_full_well_that_ends_softly_has_its_maximum_below_the_end(softness_dn):
-    """A sharp end of 10 000 DN has it at 9 785; levels 1 500 DN apart do not show how soft it is."""
-    end_dn, light = 10_000.0, np.linspace(100.0, 12_000.0, 2000)
-    slope = 1.0 / (1.0 + np.exp((light - end_dn) / softness_dn))
-    soft = end_dn - softness_dn * np.logaddexp(0.0, (end_dn - light) / softness_dn)
-    truth = float(soft[np.argmax(slope**2 * light)])
+def end_by_logarithm(light, softness_dn):
+    return 10_000.0 - softness_dn * np.logaddexp(0.0, (10_000.0 - light) / softness_dn)
+
+
+def end_by_parabola(light, softness_dn):
+    """A form that the fit does not have: line and plateau are joined within the softness."""
+    joined = 10_000.0 - (10_000.0 + softness_dn - np.minimum(light, 10_000.0 + softness_dn)) ** 2 / (
+        4.0 * softness_dn
+    )
+    return np.where(light < 10_000.0 - softness_dn, light, joined)
+
+
+@pytest.mark.parametrize(
+    ("end", "softness_dn"),
+    [
+        *((end_by_logarithm, each) for each in (1.0, 200.0, 500.0)),
+        *((end_by_parabola, each) for each in (500.0, 1500.0)),
+    ],
+)
+def test_the_softness_of_a_full_well_lowers_its_maximum(end, softness_dn):
+    """A sharp end of 10 000 DN has it at 9 785; levels are 1 500 DN apart."""
+    light = np.linspace(100.0, 12_000.0, 2000)
+    spread = light[:, None] + np.sqrt(0.5 * light)[:, None] * ndtri((np.arange(200) + 0.5) / 200)
+    seen = end(spread, softness_dn)
+    truth = float(seen.mean(axis=1)[np.argmax(seen.var(axis=1))])
 
     def saturate(samples, block):
-        above = samples - block.black_level_dn
-        ended = end_dn - softness_dn * np.logaddexp(0.0, (end_dn - above) / softness_dn)
-        changed = np.rint(block.black_level_dn + ended)
+        changed = np.rint(block.black_level_dn + end(samples - block.black_level_dn, softness_dn))
         return dataclasses.replace(block, samples_dn=pack(changed, dtype="<u2"))
 
     sensor = change(SMALL, gain_dn_per_e=0.5)
@@ -201,7 +218,7 @@ def test_a_full_well_that_ends_softly_has_its_maximum_below_the_end(softness_dn)
     found = only(noise.fit([repack(row, saturate) for row in rows], PARAMS)).transfer
     agrees(found.saturation_dn, truth, errors=2.0)
     assert found.saturation_origin == "variance_maximum"
-    assert found.saturation_dn.standard_uncertainty < 800.0
+    assert found.saturation_dn.standard_uncertainty < 400.0
 
 
 def test_the_variance_of_the_worked_example_falls_before_white():
