@@ -11,29 +11,10 @@ from service.documents.routes import send_pdf
 from service.documents.sheets import Node, facts, flow, percent, plain, section, stamp, table
 from service.http import answers, auth, lookup, operations
 from service.http.context import UsesContext
-from service.roads import drawing, routes, schemas
+from service.roads import drawing, routes, schemas, words
 from store.queries.organisations import name_laboratory
 from store.tables import Organisation, Road
 
-FIGURES: Final = {
-    "e_av": ("Average", "E_av", " lx"),
-    "e_min": ("Minimum", "E_min", " lx"),
-    "u_0": ("Uniformity", "U_0", ""),
-    "average_to_min": ("Average to minimum", "E_av/E_min", ""),
-    "eir": ("Edge illuminance ratio", "EIR", ""),
-    "pdi": ("Power density", "D_P", " mW/(lx·m²)"),
-    "l_av": ("Average luminance", "L_av", " cd/m²"),
-    "u_o": ("Overall uniformity", "U_o", ""),
-    "u_l": ("Longitudinal uniformity", "U_l", ""),
-    "f_ti": ("Threshold increment", "f_TI", " %"),
-}
-"""Name, sign and unit."""
-VERDICTS: Final = {
-    "conforms": "conforms",
-    "does_not": "does not conform",
-    "not_decided": "not decided",
-    "not_measured": "not measured",
-}
 _DECISIONS: Final = {
     "guarded": "Guarded acceptance, at most 5 % false acceptance (JCGM 106)",
     "simple": "Simple acceptance: the uncertainty is not taken into account",
@@ -44,7 +25,6 @@ _FOOTER: Final = (
     "Relates only to the stretch, date and conditions named here. May be reproduced only in full."
 )
 _CAPTION: Final = "Heavy line: limit of the class. Ring: the minimum."
-_NONE: Final = "-"
 _MOST_COLUMNS: Final = 18
 
 
@@ -79,9 +59,10 @@ def _pairs(*words: str) -> list[Node]:
 
 def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]:
     site, grid, conditions = stated["site"], result["grid"], stated["conditions"]
-    yield section("", [{"kind": "verdict", "text": tell_verdict(result), "more": tell_why(result)}])
+    verdict, why = result["said"]
+    yield section("", [{"kind": "verdict", "text": verdict, "more": why}])
     factor = requirement.get("maintenance_factor")
-    limits = ", ".join(_write_limit(each) for each in result["criteria"])
+    limits = ", ".join(words.write_limit(each) for each in result["criteria"])
     about_rule = _pairs(
         "Class",
         f"{requirement['road_class']}: {limits}",
@@ -182,7 +163,7 @@ def _tabulate_results(result: Node) -> Node:
     known = {each["figure"]: each for each in result["figures"]}
     rows = []
     for name in dict.fromkeys([*judged, *known]):
-        value, u, relative = _NONE, _NONE, ""
+        value, u, relative = words.NONE, words.NONE, ""
         if name in known:
             each = known[name]
             value, u = in_step(each["value"], each["expanded_uncertainty"])
@@ -191,12 +172,12 @@ def _tabulate_results(result: Node) -> Node:
         rule = judged.get(name)
         rows.append(
             [
-                " ".join(FIGURES[name][:2]),
+                " ".join(words.FIGURES[name][:2]),
                 value,
                 f"± {u}{relative}" if name in known else u,
-                _write_limit(rule, short=True) if rule else _NONE,
-                write_probability(rule.get("probability")) if rule else _NONE,
-                VERDICTS[rule["verdict"]] if rule else "not required",
+                words.write_limit(rule, short=True) if rule else words.NONE,
+                words.write_probability(rule.get("probability")) if rule else words.NONE,
+                words.VERDICTS[rule["verdict"]] if rule else "not required",
             ]
         )
     budget = ", ".join(f"{each['source']} {percent(each['u_rel'])}" for each in result["budget"])
@@ -214,8 +195,8 @@ def tabulate_control(control: Sequence[Node]) -> Node:
     """Return each control point against the map that is made without it."""
     rows = []
     for each in control:
-        without = f"{each['without_it']:.3g}" if "without_it" in each else _NONE
-        difference = f"{100 * each['difference_rel']:+.1f} %" if "difference_rel" in each else _NONE
+        without = f"{each['without_it']:.3g}" if "without_it" in each else words.NONE
+        difference = f"{100 * each['difference_rel']:+.1f} %" if "difference_rel" in each else words.NONE
         use = {"agrees": "used", "differs": "differs, not used", "not_seen": "not seen"}.get(
             each["state"], ""
         )
@@ -251,44 +232,6 @@ def _tabulate_grid(result: Node) -> Iterator[Node]:
             rows.append([f"{part}: {y:.2f}", *cells])
         head = ["y \\ x", *(f"{x:.2f}" for x in cut)]
         yield table(head, rows, align="l" + "r" * len(cut), widths=[1.6] + [1.0] * len(cut))
-
-
-def _write_limit(criterion: Node, *, short: bool = False) -> str:
-    _, sign, unit = FIGURES[criterion["figure"]]
-    limits = (("≥", "at_least"), ("≤", "at_most"))
-    said = ", ".join(f"{mark} {criterion[name]:g}{unit}" for mark, name in limits if name in criterion)
-    return said if short else f"{sign} {said}"
-
-
-def write_probability(share: float | None) -> str:
-    """Return a probability in whole per cent."""
-    if share is None:
-        return _NONE
-    return "> 99 %" if share > 0.99 else "< 1 %" if share < 0.01 else f"{share:.0%}".replace("%", " %")
-
-
-def tell_verdict(result: Node) -> str:
-    """Return the verdict in a sentence."""
-    road_class = result["stated"]["requirement"]["road_class"]
-    return f"{VERDICTS[result['verdict']].capitalize()} against class {road_class}."
-
-
-def tell_why(result: Node) -> str:
-    """Return what was decided of each figure, and what would decide the rest."""
-    words, known = [], {each["figure"]: each for each in result["figures"]}
-    for each in result["criteria"]:
-        _, sign, unit = FIGURES[each["figure"]]
-        if (figure := known.get(each["figure"])) is None:
-            words.append(f"{sign} was not measured.")
-            continue
-        value = " ± ".join(in_step(figure["value"], figure["expanded_uncertainty"])) + unit
-        said = f"{sign} = {value} {VERDICTS[each['verdict']]}"
-        if each["verdict"] == "not_decided":
-            likely = write_probability(each.get("probability"))
-            said = f"{sign} = {value} is too near to its limit: {likely} likely to conform"
-        needed = f"; U of {plain(each['needed_u'], 2)} would decide it" if "needed_u" in each else ""
-        words.append(f"{said}{needed}.")
-    return " ".join(words)
 
 
 def lay_out_card(road: Node, plan: Node, *, by: str, created_at: str) -> Node:

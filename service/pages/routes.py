@@ -16,8 +16,10 @@ from service.http.lookup import Id, owned
 from service.http.models import Text
 from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
+from service.roads import routes as roads
+from service.roads.drawing import draw_map
 from store.queries import calibrations, evidence, fleet
-from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig
+from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig, Road
 
 ACTS: Final = {
     "calibration.create": "fitted a version",
@@ -77,6 +79,7 @@ _PLAIN: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
     "/campaigns/new": ("campaign-new", "New campaign", {}),
     "/measurements": ("measurements", "Measurements", {}),
     "/measurements/new": ("measurement-new", "Measure a frame", {"indices": " ".join(NAMED_INDICES)}),
+    "/roads": ("roads", "Roads", {}),
     "/rigs": ("rigs", "Rigs", {"method": fleet.METHOD}),
     "/jobs": ("jobs", "Jobs", {}),
     "/organisation": ("organisation/keys", "Keys and sessions", {}),
@@ -188,6 +191,33 @@ def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versi
     return page.render(
         "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=fleet.SPEC.exports, given=given
     )
+
+
+@router.get("/roads/{road_id}")
+def show_road(road_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        road = owned(session, Road, road_id, page.caller)
+    return page.render("road.html", title=road.name, road=road)
+
+
+@router.get("/plots/roads/{road_id}/{number}")
+def show_road_map(
+    road_id: Id,
+    number: int,
+    caller: auth.Reader,
+    context: UsesContext,
+    layers: Annotated[Text, Query()],
+    *,
+    upright: Annotated[bool, Query()],
+) -> Response:
+    """Answer the map of an evaluation with its lanes and points; upright as one walks it."""
+    with context.database.reading() as session:
+        row = roads.find_result(session, road_id, number, caller)
+        result = roads.answer_result(session, row).dump()
+    if row.map_png_sha256 is None:
+        return Response(status_code=204)
+    png = b"".join(context.files.open(row.map_png_sha256)[1])
+    return send_svg(draw_map(result, png, is_upright=upright, layers=layers.split(",")))
 
 
 _TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposure"}

@@ -20,7 +20,7 @@ from service.http.problems import Problem, wrong
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements.lists import GeoJson
-from service.roads import schemas
+from service.roads import schemas, words
 from store import jobs
 from store.codec import decode, drop_absent, encode
 from store.measuring.roads import plan_evaluation
@@ -317,10 +317,13 @@ def answer_result(session: Session, row: RoadResult) -> schemas.RoadResultAnswer
     figures = [
         each | {"expanded_uncertainty": (each["high"] - each["low"]) / 2.0} for each in row.result["figures"]
     ]
+    told = row.result | {"figures": figures, "stated": row.inputs["road"]}
+    told["criteria"] = drop_absent(row.result["criteria"])
     answer: schemas.RoadResultAnswer = schemas.RoadResultAnswer.restate(
         {"figures": figures},
         row.result,
         row,
+        said=[words.tell_verdict(told), words.tell_why(told)],
         name=session.get_one(Road, row.road_id).name,
         findings=models.group_flags(row.result["flags"]),
         stated=row.inputs["road"],

@@ -195,6 +195,7 @@ class RoadResultAnswer(models.model_of(results.RoadResult, Answer)):  # type: ig
     road_id: str
     name: str
     number: int
+    said: list[str] = told("The verdict, and what was decided of each figure, in sentences.")
     figures: list[FigureAnswer]
     findings: list[models.FindingGroupAnswer] = told("The flags, equal ones as one.")
     stated: StatedRoad

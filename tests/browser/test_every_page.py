@@ -12,7 +12,7 @@ from tests.support.browser import DIALOG, WIDTHS, check_access, launch, look, se
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
 # what must be registered first, and what nobody sees who is signed in: their own tests look at them
-ELSEWHERE = {"/rigs/{rig_id}", "/sign-in", "/openapi.json"}
+ELSEWHERE = {"/rigs/{rig_id}", "/roads/{road_id}", "/sign-in", "/openapi.json"}
 
 
 def list_pages() -> list[str]:

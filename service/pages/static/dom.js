@@ -60,6 +60,7 @@ const SHAPES = {
   bad: [["rect", { x: 1.2, y: 1.2, width: 15.6, height: 15.6, rx: 2.5, fill: "currentColor" }], ["path", { class: "in", d: "M5.6 5.6l6.8 6.8M12.4 5.6l-6.8 6.8" }]],
   wait: [["circle", ROUND], ["path", { ...LINE, d: "M9 5v4.3l2.8 1.8" }]],
   out: [["circle", ROUND], ["path", { ...LINE, d: "M4 14L14 4" }]],
+  open: [["path", { d: "M9 .9 17.1 9 9 17.1 .9 9z", fill: "currentColor", stroke: "currentColor", "stroke-linejoin": "round" }], ["path", { class: "in", d: "M6.9 7.3a2.1 2.1 0 1 1 3.2 1.8c-.8.5-1.1.8-1.1 1.5" }], ["circle", { class: "dot", cx: 9, cy: 13, r: 1 }]],
   gap: [["rect", { x: 1.5, y: 1.5, width: 15, height: 15, rx: 2.5, fill: "none", stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": "3 2" }], ["path", { ...LINE, d: "M9 5.5v7M5.5 9h7" }]],
 };
 

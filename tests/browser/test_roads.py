@@ -1,0 +1,66 @@
+"""A road on its page: verdict, map, control points that are left out, and another class."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.test_every_method import Afar
+from tests.browser.test_every_page import check_both
+from tests.support.browser import DIALOG, check_access, look, settle
+from tests.support.roads import evaluate, state_road
+
+
+@pytest.fixture
+def road(team, tmp_path):
+    """A road of which P3 reads twice the light that is there, evaluated."""
+    with Afar(team, tmp_path) as house:
+        stated = state_road(house)
+        points = house.get(f"/v1/roads/{stated['id']}/points")["items"]
+        points[2]["values"] = [2 * each for each in points[2]["values"]]
+        assert house.http.put(f"/v1/roads/{stated['id']}/points", json=points).status_code == 200
+        evaluate(house, stated)
+        yield stated
+
+
+def test_a_road_is_judged_on_its_page(page, road):
+    page.goto("/measurements")
+    settle(page)
+    page.get_by_role("link", name="Roads").click()
+    settle(page)
+    check_both(page)
+    page.get_by_role("link", name=road["name"]).click()
+    settle(page)
+    expect(page.locator("#verdict")).to_contain_text("Conforms against class C4")
+    expect(page.locator("#verdict")).to_contain_text("P3 differs from the map")
+    expect(page.locator("#figures")).to_contain_text(re.compile(r"Average Eav\s*\d\d\.\d+ ± \d\.?\d*\s*lx"))
+    expect(page.locator(".road-map")).to_have_js_property("complete", value=True)
+    expect(page.locator("#points").get_by_role("row")).to_have_count(9)
+    expect(page.locator("#grid strong.lowest")).to_have_count(1)
+    check_both(page)
+    look(page, "road")
+    page.get_by_role("button", name="Leave out P3…").click()
+    check_access(page, DIALOG)
+    page.get_by_label("Reason").fill("receiver in shadow")
+    page.get_by_role("dialog").get_by_role("button", name="Leave out").click()
+    row = page.locator("#points").get_by_role("row").filter(has_text="P3")
+    expect(row).to_contain_text("left out receiver in shadow")
+    expect(page.locator("#verdict")).not_to_contain_text("P3")
+    page.get_by_label("Class").select_option("C1")
+    expect(page.locator("#verdict")).to_contain_text("Does not conform against class C1")
+    for name in ("Report (PDF)", "Plan card (PDF)"):
+        address = page.get_by_role("link", name=name).get_attribute("href")
+        assert page.request.get(address).body().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("context", ["phone"], indirect=True)
+def test_on_a_telephone_the_road_runs_upward_and_the_result_comes_first(page, road):
+    page.goto(f"/roads/{road['id']}")
+    settle(page)
+    shown = page.locator(".road-map")
+    expect(shown).to_be_visible()
+    box = shown.bounding_box()
+    assert box["height"] > box["width"]
+    assert page.locator("#figures").bounding_box()["y"] < box["y"]
+    check_access(page)
+    look(page, "road-phone")
