@@ -78,7 +78,9 @@ APERTURES = (2.8, 4.0, 5.6, 8.0)
 SCALE = 0.015  # of the meter, as `evidence.reading` states it
 
 
-def _draw_campaign(random: Random, *, f: float, meter: float, scatter: float, levels: int):
+def _draw_campaign(
+    random: Random, *, f: float, meter: float, scatter: float, levels: int, current: float = 0.0
+):
     """K, its frames, the true factor of each aperture and time, the lights, and u(K) of an oracle."""
     time_u = 0.003
     lights = dict(zip("abcdefgh"[:levels], np.geomspace(50.0, 0.5, levels).tolist(), strict=True))
@@ -92,12 +94,14 @@ def _draw_campaign(random: Random, *, f: float, meter: float, scatter: float, le
             factor = true_t.setdefault(time_s, 1.0 + time_u * random.standard_normal())
             shown = (1.0 + scatter * random.standard_normal()) * factor / true_f[a] ** 2
             signal = evidence.K * time_s * 3200.0 * level / a**2 * shown + 0.2 * random.standard_normal()
+            signal += current * time_s
             name = f"{scene}-{a}"
             rows.append(evidence.light(scene, a, name=name, time_s=time_s, luminance=level, signal_dn=signal))
             kinds.append((scene, a, time_s))
-    for n, time_s in enumerate(sorted(true_t)):
+    for n, time_s in enumerate(sorted(true_t)[-1:] if current else sorted(true_t)):
+        dark_dn = evidence.DARK + current * time_s
         rows += [
-            evidence.dark(f"dark-{n}-{m}", time_s=time_s, mean_dn=256.0 + 0.2 * random.standard_normal())
+            evidence.dark(f"dark-{n}-{m}", time_s=time_s, mean_dn=dark_dn + 0.2 * random.standard_normal())
             for m in range(3)
         ]
     readings = [
@@ -115,9 +119,13 @@ def _draw_campaign(random: Random, *, f: float, meter: float, scatter: float, le
     return fitted, rows, true_f, true_t, lights, oracle
 
 
-def _k(*, f: float = 0.003, meter: float = 0.005, scatter: float = 0.0, levels: int = 6) -> Regime:
+def _k(
+    *, f: float = 0.003, meter: float = 0.005, scatter: float = 0.0, levels: int = 6, current: float = 0.0
+) -> Regime:
     def work(random: Random) -> Iterator[Drawn]:
-        k, *_, oracle = _draw_campaign(random, f=f, meter=meter, scatter=scatter, levels=levels)
+        k, *_, oracle = _draw_campaign(
+            random, f=f, meter=meter, scatter=scatter, levels=levels, current=current
+        )
         yield Drawn(
             k.luminance_k / evidence.K - 1.0,
             k.luminance_k_standard_uncertainty / evidence.K,
@@ -132,6 +140,8 @@ regime("K, apertures off by 1.5 %")(_k(f=0.015))
 regime("K, readings repeat to 3 %")(_k(meter=0.03))
 regime("K, frames scatter by 1 %")(_k(scatter=0.01))
 regime("K, three levels, readings repeat to 1 %")(_k(meter=0.01, levels=3))
+for current in (2.0, 20.0):
+    regime(f"K, darks of one time, {current:g} DN/s")(_k(current=current))
 
 
 def _field(scatter: float) -> Regime:

@@ -142,6 +142,14 @@ def test_opencv_s_corners_give_opencv_s_published_numbers(sample_rows):
         assert values(fit)[name] == pytest.approx(published, abs=tolerance), name
 
 
+def test_no_single_view_of_opencv_s_set_decides_its_focal_length(opencv_rows, opencv_fit):
+    """Of left02, which makes OpenCV's 535.92, fitted windows take no more notice than of any other."""
+    whole, u = values(opencv_fit)["fx_px"], errors(opencv_fit)["fx_px"]
+    for row in opencv_rows:
+        rest = fit_geometry([each for each in opencv_rows if each is not row], Params())
+        assert values(rest)["fx_px"] == pytest.approx(whole, abs=u / 2.0)
+
+
 def test_an_outlier_is_named_and_rejected_on_request(sample_rows):
     """Corners of left02 are 21.8 px apart: a window of 23 px reaches the next one."""
     fit = fit_geometry(sample_rows, Params())
