@@ -8,10 +8,11 @@ import { exposureTime, fixed, number, percent, unit, withUncertainty, words } fr
 import { followJob } from "../live.js";
 import { act, empty, load } from "../states.js";
 import { MARKS, said } from "./list.js";
+import { addFrame, typePoints } from "./state.js";
 
 const { roadId } = document.querySelector("main").dataset;
 const own = `/v1/roads/${roadId}`;
-const NAMES = { e_av: ["Average", "E", "av"], e_min: ["Minimum", "E", "min"], u_0: ["Uniformity", "U", "0"], average_to_min: ["Average to minimum", "", ""], eir: ["Edge ratio", "EIR", ""], pdi: ["Power density", "D", "P"], l_av: ["Luminance", "L", "av"], u_o: ["Overall uniformity", "U", "o"], u_l: ["Longitudinal uniformity", "U", "l"], f_ti: ["Threshold increment", "f", "TI"] };
+const NAMES = { e_av: ["Average", "E", "av"], e_min: ["Minimum", "E", "min"], u_0: ["Uniformity", "U", "0"], average_to_min: ["Average to minimum", "E", "av/min"], eir: ["Edge ratio", "EIR", ""], pdi: ["Power density", "D", "P"], l_av: ["Luminance", "L", "av"], u_o: ["Overall uniformity", "U", "o"], u_l: ["Longitudinal uniformity", "U", "l"], f_ti: ["Threshold increment", "f", "TI"] };
 const GUARD = 1.645;
 const LAYERS = [["grid", "Grid"], ["isolux", "Isolux"], ["points", "Points"]];
 const shown = new Set(LAYERS.map(([name]) => name));
@@ -22,6 +23,8 @@ let rules = [];
 const sign = (figure) => [NAMES[figure][1] || words(figure), h("sub", {}, NAMES[figure][2])];
 const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 
+byId("frame")?.addEventListener("click", (event) => act(event.target, async () => (await addFrame(road)) && show()));
+byId("type")?.addEventListener("click", async () => (await typePoints(own)) && show());
 byId("evaluate")?.addEventListener("click", (event) => act(event.target, evaluate));
 show();
 
