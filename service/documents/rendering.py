@@ -11,7 +11,7 @@ import typst
 import zxingcpp  # noqa: TID253  this process alone draws codes; shut in, it could not import it later
 
 from radiometry.methods import get_method
-from service.documents import pages, rendered
+from service.documents import pages
 
 _FOLDER: Final = Path(__file__).parent
 _TEMPLATES: Final = {path.name: path.read_bytes() for path in _FOLDER.glob("*.typ")}
@@ -62,7 +62,7 @@ def _set(sheets: dict[str, Any], standard: Literal["a-3b"] | None) -> bytes:
     return pdf
 
 
-_RENDERERS: Final[dict[str, Callable[[rendered.Order], bytes]]] = {
+_RENDERERS: Final[dict[str, Callable[[dict[str, Any]], bytes]]] = {
     "certificate": lambda order: typeset(pages.lay_out(order["certificate"], order["preview"])),
     "sheets": lambda order: typeset(order["sheets"]),
     "plot": lambda order: get_method(order["method"]).draw(order["result"]).encode(),
