@@ -29,7 +29,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console = Console()
     asked = os.environ.get("METHOD") or "luminance"
-    names = [spec.name for spec in METHODS]
+    names = [*(spec.name for spec in METHODS), "road"]
     if asked not in names:
         console.print(f"demo: METHOD is one of {', '.join(names)}", highlight=False, soft_wrap=True)
         return 2

@@ -15,7 +15,7 @@ from demo.journey import Finding, Stage, begin, calibrate, register, take
 from radiometry.frame.roi import Polygon, Window
 from radiometry.records import Record
 from simulation.camera import Camera, Meter, Shot, change
-from simulation.luminance import X5S, Errors, find_k, plan_campaign
+from simulation.luminance import ISOS, X5S, Errors, find_k, plan_campaign
 from stilb.records import Reading
 
 _SEED = 20250301
@@ -47,10 +47,12 @@ class Campaign(Record):
     true_luminance_k: Mapping[int, float]
 
 
-def plan(seed: int) -> Campaign:
+def plan(seed: int, *, camera: Camera = _CAMERA, isos: Sequence[float] = ISOS) -> Campaign:
     """Plan the frames, draw the readings. The same seed gives the same campaign, and the same files."""
     random = np.random.default_rng(seed)
-    simulated = plan_campaign(_CAMERA, random, errors=_ERRORS, readings_per_scene=_LUMINANCE_READINGS)
+    simulated = plan_campaign(
+        camera, random, errors=_ERRORS, isos=isos, readings_per_scene=_LUMINANCE_READINGS
+    )
     shown = [(reading.scene, "luminance", reading.value, "cd/m2") for reading in simulated.readings]
     # An illuminance meter beside the target watches the lamp: E = pi L / rho.
     monitor = Meter(
@@ -68,7 +70,7 @@ def plan(seed: int) -> Campaign:
             {"scene": scene, "quantity": quantity, "value": float(f"{value:.4g}"), "unit": unit}
             for scene, quantity, value, unit in shown
         ),
-        true_luminance_k={round(shot.settings.iso): find_k(_CAMERA, ROI) for shot in simulated.shots},
+        true_luminance_k={round(shot.settings.iso): find_k(camera, ROI) for shot in simulated.shots},
     )
 
 

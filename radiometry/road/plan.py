@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 MOST_POINTS, FEWEST_POINTS = 40, 4
 K95 = 2.0
-_POINT_U, _NOISE_U = 0.03, 0.005
+_METER_U, _POINT_U, _NOISE_U = 0.02, 0.03, 0.005
 _TIMES = (125, 120, 100, 60, 50, 30, 25, 20, 15, 10, 8, 5, 4)
 # Readings around one point of the grid, and how far apart [m]
 _MOST_EACH, _APART_M = 3, 0.6
@@ -83,7 +83,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
 
     Each further point is the one that lowers most the variance of the figure that is furthest from its wanted
     uncertainty, by the equations of `radiometry.road.field` with usual lengths, for lamps that shine alike in
-    all directions; the meter is the road's first. One more is a spare.
+    all directions; the meter is the road's first, else one of 2 %. One more is a spare.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
     light = np.sum(lamps[:, 2] * away**-1.5, axis=1)
     rows, field = _foresee(road, points, dict(zip((p.name for p in points), light.tolist(), strict=True)))
     meter = next(iter(road.meters), None)
-    u = UNCERTIFIED_U if meter is None or meter.u_rel is None else meter.u_rel
+    u = _METER_U if meter is None else UNCERTIFIED_U if meter.u_rel is None else meter.u_rel
     outlook = Outlook(field, rows, judged, meter=meter.meter if meter else "", meter_u=u)
     weights = weigh_figures(light[judged])
     wanted = {"e_av": e_av_u_rel / K95, "u_0": u_0_u_rel / K95}

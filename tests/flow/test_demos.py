@@ -26,6 +26,13 @@ def test_the_truth_is_found(embedded, method, tmp_path, capsys):
         assert "version 1 is published" in shown
 
 
+def test_the_truth_of_a_road_is_found(embedded, tmp_path, capsys):
+    with embedded.team() as team:
+        assert go("road", team, tmp_path), capsys.readouterr().out
+        assert "conforms by C3" in capsys.readouterr().out
+        assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
 def test_the_truth_is_found_with_another_multispectral_camera(embedded, installed, tmp_path, capsys):
     """Its flight is then measured with the commands that docs/reflectance.md prints."""
     with embedded.team() as team:

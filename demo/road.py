@@ -1,0 +1,174 @@
+"""A road: K, frames from 60 m, a plan's control points read with a lux meter, and the verdict on class C3."""
+
+import math
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+import stilb
+from demo import luminance
+from demo.journey import Finding, Stage, as_table, begin, send, write_files
+from radiometry.frame.exposure import Settings
+from simulation.camera import Lamp, Plane, Shot, change, take
+from simulation.dng import write_dng
+from simulation.luminance import X5S
+from simulation.targets import Picture
+
+_SEED, _FRAMES = 20261112, 4
+_TAKEN_AT = datetime(2026, 11, 12, 20, 42, tzinfo=UTC)
+_CAMERA = change(X5S, seed=7, falloff=(0.0, 0.0, 0.0))
+_SETTINGS = Settings(exposure_time_s=0.04, f_number=2.8, iso=3200.0)
+_ISOS = (3200.0,)
+_HEIGHT_M, _FLIGHT_M, _SPACING_M, _WIDTH_M, _PATCH_M = 10.0, 60.0, 35.0, 7.0, 0.5
+_BLOCK_PX = 8  # squares of pixels that show the same light, 0.1 m on the road
+_INTENSITY_CD, _RHO, _PATCHES_REL = 4500.0, 0.1, 0.05
+_SITE = {
+    "rows": [{"y_m": -1.0, "height_m": _HEIGHT_M, "spacing_m": _SPACING_M}],
+    "strips": [{"name": str(n + 1), "kind": "lane", "y_m": 3.5 * n, "width_m": 3.5} for n in range(2)],
+}
+_ROAD: dict[str, Any] = {
+    "name": "Harbour Street",
+    "site": _SITE,
+    "requirement": {"rule": "EN 13201-2:2015", "road_class": "C3", "confirmed": "the demo"},
+    "conditions": {"surface": "dry", "mains_frequency_hz": 50, "power_w": 276, "reflectance": 0.11},
+}
+_METER = {
+    "number": "E-2026-0118",
+    "laboratory": "Photometry Laboratory, Demo",
+    "issued_on": "2026-01-17",
+    "due_on": "2027-01-17",
+    "expanded_uncertainty_rel": 0.04,
+    "coverage_factor": 2.0,
+}
+
+
+def illuminate(x_m: Plane, y_m: Plane) -> Plane:
+    """Compute the illuminance of lamps with a wing to both sides along the road [lx]."""
+    total = np.zeros(np.broadcast(x_m, y_m).shape)
+    for pole in range(-3, 5):
+        along, across = x_m - pole * _SPACING_M, y_m + 1.0
+        away = along**2 + across**2
+        gamma = np.degrees(np.arctan(np.sqrt(away) / _HEIGHT_M))
+        wing = 0.6 * np.exp(-(((gamma - 55.0) / 18.0) ** 2)) * along**2 / (away + 1e-9)
+        total += _INTENSITY_CD * (1.3 + wing) * _HEIGHT_M / (away + _HEIGHT_M**2) ** 1.5
+    return total
+
+
+def look(turn: int) -> Plane:
+    """Return the homography from the road [m] to a frame [px], which leans by up to 6 degrees."""
+    lean, side = math.radians(4.0 * (turn % 4) - 6.0), math.radians(3.0 * (turn % 3) - 3.0)
+    over, along = np.eye(3), np.eye(3)
+    over[np.ix_([0, 2], [0, 2])] = [[math.cos(lean), math.sin(lean)], [-math.sin(lean), math.cos(lean)]]
+    along[np.ix_([1, 2], [1, 2])] = [[math.cos(side), -math.sin(side)], [math.sin(side), math.cos(side)]]
+    middle = np.array([[1.0, 0.0, -_SPACING_M / 2], [0.0, 1.0, -_WIDTH_M / 2], [0.0, 0.0, _FLIGHT_M]])
+    focal = 1e3 * _CAMERA.body.focal_length_mm / _CAMERA.body.pixel_pitch_um
+    sensor = _CAMERA.sensor
+    lens = np.array([[focal, 0, sensor.width_px / 2], [0, focal, sensor.height_px / 2], [0, 0, 1]])
+    return np.asarray(lens @ over @ along @ middle, np.float64)
+
+
+def project(h: Plane, x: Plane, y: Plane) -> tuple[Plane, Plane]:
+    """Map places through a homography."""
+    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+    first = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
+    return first, (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
+
+
+def write_frame(folder: Path, turn: int) -> Path:
+    """Write a frame of the road, its pavement in patches."""
+    height, width = _CAMERA.sensor.height_px, _CAMERA.sensor.width_px
+    middles = [np.arange(_BLOCK_PX / 2, size + _BLOCK_PX, _BLOCK_PX) for size in (height, width)]
+    rows, cols = np.meshgrid(*middles, indexing="ij")
+    x, y = project(np.asarray(np.linalg.inv(look(turn)), np.float64), cols, rows)
+    patches = np.random.default_rng(_SEED).standard_normal((400, 400))
+    at = [np.clip((each / _PATCH_M).astype(np.intp) + 200, 0, 399) for each in (y, x)]
+    blocks = illuminate(x, y) * _RHO / math.pi * np.exp(_PATCHES_REL * patches[at[0], at[1]])
+    shares = np.kron(blocks, np.ones((_BLOCK_PX, _BLOCK_PX))).astype(np.float64)[:height, :width]
+    shot = Shot(
+        frame="", role="field", settings=_SETTINGS, lamp=Lamp(luminance_cd_m2=1.0), target=Picture(shares)
+    )
+    taken = take(_CAMERA, shot, np.random.default_rng([_SEED, turn]))
+    path = folder / f"road-{turn + 1:02}.DNG"
+    write_dng(path, taken.frame.samples_dn, camera=_CAMERA, settings=_SETTINGS, taken_at=_TAKEN_AT)
+    return path
+
+
+def run(stage: Stage) -> bool:
+    """Calibrate K, state a road, read the planned points; return True if the figures agree with the truth."""
+    client, display, count = stage.client, stage.display, 1 if stage.quick else _FRAMES
+    calibration = luminance.carry_out(stage, luminance.plan(_SEED, camera=_CAMERA, isos=_ISOS), seed=_SEED)
+    night = begin(
+        stage, str(calibration.camera_id), "luminance", kind="measurement", project_number="DEMO-road"
+    )
+    paths = write_files(stage, [partial(write_frame, stage.folder, turn) for turn in range(count)])
+    sent = send(stage, [stilb.Upload(campaign_id=night, path=path, role="field") for path in paths])
+    frames = [{"frame_id": each.id, "marks": _mark(turn)} for turn, each in enumerate(sent)]
+    road = client.create_road(**_ROAD, frames=frames)
+    planned = client.plan_road(road.id)["points"]
+    meter = client.create_meter("illuminance", "Konica Minolta", "T-10A", "40027732", certificate=_METER)
+    client.set_road_points(road.id, _read(planned, meter.id))
+    with display.stage(f"evaluating {count} frames"):
+        result = client.evaluate_road(road.id)
+    for name in ("report.pdf", "points.csv", "points.geojson", "map.png"):
+        client.save_road(result, stage.folder / name)
+    client.save_plan(road.id, stage.folder / "plan.pdf")
+    findings = _compare(result.raw)
+    display.show(as_table(f"road, {len(planned)} control points:", findings))
+    display.show(_list_criteria(result.raw))
+    display.say(f"{result.verdict} by {_ROAD['requirement']['road_class']}; report in {stage.folder}")
+    return all(each.agrees for each in findings)
+
+
+def _mark(turn: int) -> list[dict[str, float]]:
+    """Mark six points of the road in a frame, as well as a hand does."""
+    random = np.random.default_rng([_SEED, 9, turn])
+    found = []
+    for x, y in [(x, y) for x in (0.0, _SPACING_M / 2, _SPACING_M) for y in (0.0, _WIDTH_M)]:
+        col, row = project(look(turn), np.array(x), np.array(y))
+        u, v = random.normal(0.0, 1.0, 2).tolist()
+        found.append({"x_px": float(col) + u, "y_px": float(row) + v, "x_m": x, "y_m": y})
+    return found
+
+
+def _read(planned: list[dict[str, Any]], meter_id: str) -> list[dict[str, Any]]:
+    """Read a lux meter at the planned points: 2 % are its scale's, 3 % a reading's own."""
+    random = np.random.default_rng([_SEED, 1])
+    scale, points = random.normal(1.0, 0.02), []
+    for each in planned:
+        x, y = each["x_m"], each["y_m"]
+        value = float(illuminate(np.array(x), np.array(y))) * scale * random.normal(1.0, 0.03)
+        stated = {"name": each["name"], "x_m": x, "y_m": y, "meter_id": meter_id}
+        points.append(stated | {"quantity": "illuminance", "unit": "lx", "values": [float(f"{value:.3g}")]})
+    return points
+
+
+def _compare(raw: dict[str, Any]) -> list[Finding]:
+    x, y = (np.array([each[name] for each in raw["points"]]) for name in ("x_m", "y_m"))
+    light = illuminate(x, y)
+    average, least = float(light.mean()), float(light.min())
+    truths = {"e_av": average, "e_min": least, "u_0": least / average}
+    truths["pdi"] = 276e3 / (average * _SPACING_M * _WIDTH_M)
+    return [
+        Finding(
+            what=each["figure"],
+            value=each["value"],
+            standard_uncertainty=each["standard_uncertainty"],
+            truth=truths[each["figure"]],
+            unit=each["unit"],
+        )
+        for each in raw["figures"]
+        if each["figure"] in truths
+    ]
+
+
+def _list_criteria(raw: dict[str, Any]) -> Table:
+    table = Table(title="criteria")
+    for heading in ("figure", "at least", "probability", "verdict"):
+        table.add_column(heading)
+    for each in raw["criteria"]:
+        table.add_row(each["figure"], f"{each['at_least']:g}", f"{each['probability']:.0%}", each["verdict"])
+    return table
