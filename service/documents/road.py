@@ -123,7 +123,8 @@ def _tabulate_instruments(result: Node) -> Node:
         first = used[0]
         exposure = f"f/{plain(first['f_number'])}, {write_exposure(first['exposure_time_s'])}"
         setting = f"{len(used)} frames, {exposure}, ISO {plain(first['iso'])}"
-        chain = f"K version {first['calibration_version']} ({first['calibration_state']}), {version}"
+        certificate = f"certificate {first['certificate']}" if "certificate" in first else version
+        chain = f"K version {first['calibration_version']} ({first['calibration_state']}), {certificate}"
         rows.append([first["camera"], setting, chain])
     for meter in stated.get("meters", ()):
         mine = [each["values"] for each in stated["control"] if each["meter"] == meter["meter"]]

@@ -24,6 +24,7 @@ from service.roads import schemas, words
 from store import jobs
 from store.codec import decode, drop_absent, encode
 from store.measuring.roads import plan_evaluation
+from store.publications import list_issued
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
 
@@ -341,6 +342,7 @@ def _list_frames(session: Session, row: RoadResult) -> list[schemas.EvaluatedFra
         frame = session.get_one(FrameRow, each["frame_id"])
         version = session.get_one(Calibration, each["calibration_id"])
         camera = session.get_one(Camera, version.camera_id)
+        issued = list_issued(session, version.id)
         found.append(
             schemas.EvaluatedFrame.restate(
                 each,
@@ -348,6 +350,7 @@ def _list_frames(session: Session, row: RoadResult) -> list[schemas.EvaluatedFra
                 frame.exposure or {},
                 frame,
                 calibration_version=version.version,
+                certificate=issued[-1].number if issued else None,
                 calibration_state=status[version.id].state,
                 camera=f"{camera.make} {camera.model} {camera.serial}",
                 lens=each.get("geometry_id", "none"),

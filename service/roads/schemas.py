@@ -176,6 +176,7 @@ class EvaluatedFrame(Answer):
     calibration_id: str
     calibration_version: int
     calibration_state: VersionState = told("As it stands now.")
+    certificate: str | None = maybe("Number of the version's certificate, the newest one.")
     camera: str = told("Make, model and serial number.")
     lens: str = told("`none`, or the id of the geometry version that its distortion was corrected with.")
 

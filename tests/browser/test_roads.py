@@ -49,6 +49,10 @@ def test_a_road_is_judged_on_its_page(page, road):
     expect(page.locator("#verdict")).not_to_contain_text("P3")
     page.get_by_label("Class").select_option("C1")
     expect(page.locator("#verdict")).to_contain_text("Does not conform against class C1")
+    page.get_by_role("button", name="Hidden points…").click()
+    page.get_by_role("textbox", name="Points").fill("2/3-10, 2/3-9")
+    page.get_by_role("dialog").get_by_role("button", name="Save").click()
+    expect(page.locator("#map")).to_contain_text("58 of 60 points visible")
     for name in ("Report (PDF)", "Plan card (PDF)"):
         address = page.get_by_role("link", name=name).get_attribute("href")
         assert page.request.get(address).body().startswith(b"%PDF")

@@ -118,6 +118,7 @@ def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
     assert {each["state"] for each in evaluated["control"]} == {"agrees"}
     (used,) = {(each["calibration_state"], each["lens"]) for each in evaluated["frames"]}
     assert used == ("published", "none")
+    assert all(each["certificate"] for each in evaluated["frames"])
     again = evaluate(house, {"id": evaluated["road_id"]})
     assert (again["number"], again["content_sha256"]) == (1, evaluated["content_sha256"])
 

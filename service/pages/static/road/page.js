@@ -24,6 +24,7 @@ const sign = (figure) => [NAMES[figure][1] || words(figure), h("sub", {}, NAMES[
 const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 
 byId("frame")?.addEventListener("click", (event) => act(event.target, async () => (await addFrame(road)) && show()));
+byId("hide")?.addEventListener("click", hide);
 byId("type")?.addEventListener("click", async () => (await typePoints(own)) && show());
 byId("evaluate")?.addEventListener("click", (event) => act(event.target, evaluate));
 show();
@@ -92,6 +93,18 @@ const leaveOut = (name) =>
     submit: "Leave out",
     action: (changes) => changePoint(name, changes),
   });
+
+function hide() {
+  return ask({
+    title: "Hidden points",
+    fields: [{ name: "hidden", label: "Points", type: "textarea", required: false, value: road.hidden.join(", "), hint: `Such as ${road.grid[0].name}: lane, row across and column along.`, help: "What a car or a tree hides is predicted from its neighbours, and counted in the report." }],
+    submit: "Save",
+    action: async ({ hidden = "" }) => {
+      await patch(own, { hidden: hidden.split(/[,\n]/).map((name) => name.trim()).filter(Boolean) });
+      await evaluate();
+    },
+  });
+}
 
 async function changePoint(name, changes) {
   const points = road.points.map((each) => (each.name === name ? Object.fromEntries(Object.entries({ ...each, ...changes }).filter(([, value]) => value !== null)) : each));
