@@ -38,6 +38,7 @@ from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.sun import locate_suns_of
 from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.fit import extract as extract_sharpness
+from radiometry.sharpness.positions import find_resolving_power
 from radiometry.sharpness.results import Target as SharpnessTarget
 from radiometry.vignetting.blocks import Grid, Site
 from radiometry.vignetting.channels import fit_channel
@@ -387,6 +388,30 @@ def _edge(random: Random) -> Iterator[Drawn]:
     truth = math.sqrt(math.log(2.0) / 2.0) / (math.pi * sigma)
     u = found.standard_uncertainty / truth
     yield Drawn(found.value / truth - 1.0, u, coverage_factor(JACKKNIFE_DOF) * u)
+
+
+@regime("a star's limiting resolution, blur 0.8 px, noise 1 %", draws=300)
+def _star(random: Random) -> Iterator[Drawn]:
+    """A star of 36 sinusoidal cycles, each radius with the transfer of its frequency."""
+    sigma, cycles, size = 0.8, 36, 190
+    row, col = np.mgrid[:size, :size] - (size - 1) / 2 - random.uniform(-3, 3, 2)[:, None, None]
+
+    def respond(frequency):
+        return np.exp(-2 * (np.pi * sigma * frequency) ** 2)
+
+    contrast = 0.8 * respond(cycles / (2 * np.pi * np.maximum(np.hypot(row, col), 1e-9)))
+    shown = 1000.0 * (1 + contrast * np.cos(cycles * np.arctan2(row, col)))
+    frame = frame_of(shown + 10.0 * random.standard_normal(shown.shape), cfa="grey")
+    camera = CameraModel(height_px=size, width_px=size, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
+    whole = Region(name="", polygon=Polygon.from_points([(2, 2), (188, 2), (188, 188), (2, 188)]))
+    target = SharpnessTarget(kind="siemens_star", cycles=cycles)
+    extracted = extract_sharpness(frame, [whole], header=make_header(camera), exposure=None, target=target)
+    star = extracted.features.regions[0].stars[0]
+    found = find_resolving_power(star.frequency, star.whole, contrast=0.1)
+    reference = respond(np.array(star.frequency[:6])).mean()
+    truth = math.sqrt(-math.log(0.1 * reference) / 2.0) / (math.pi * sigma)
+    u = found.standard_uncertainty / truth
+    yield Drawn(found.value / truth - 1.0, u, K95 * u)
 
 
 BOARD = Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)

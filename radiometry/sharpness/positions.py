@@ -68,7 +68,8 @@ def find_resolving_power(
     Between the last ring above the level and the first below, ln(contrast) is interpolated over f^2, where
     a Gaussian blur is a straight line. The difference from a straight line in contrast over f is the
     standard uncertainty of the model; that of the rings is u(contrast at the root) / |slope|, with the mean
-    slope over three rings on either side, since noise chooses the steepest pair to cross.
+    slope over three rings on either side, since noise chooses the steepest pair to cross. Neighbouring rings
+    share most of their samples: their noise adds.
     """
     values, u = np.array(curve.contrast), np.array(curve.contrast_u)
     below = np.flatnonzero(values < contrast)
@@ -89,7 +90,7 @@ def find_resolving_power(
     span = np.array(frequency)[around][-1] - np.array(frequency)[around][0]
     if fall <= 0.0:
         fall, span = values[pair][0] - values[pair][1], f[1] - f[0]
-    noise_u = math.hypot((1.0 - line) * ring_u[0], line * ring_u[1]) * span / fall
+    noise_u = ((1.0 - line) * ring_u[0] + line * ring_u[1]) * span / fall
     return results.Estimate(value=root, standard_uncertainty=math.hypot(float(noise_u), straight - root))
 
 
