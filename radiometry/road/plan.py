@@ -23,7 +23,7 @@ K95 = 2.0
 _METER_U, _POINT_U, _NOISE_U = 0.02, 0.03, 0.005
 _TIMES = (125, 120, 100, 60, 50, 30, 25, 20, 15, 10, 8, 5, 4)
 # Readings around one point of the grid, and how far apart [m]
-_MOST_EACH, _APART_M = 3, 0.6
+_MOST_EACH, _APART_M = 3, 1.5
 _AVOIDED, _NEGLIGIBLE = 4, 1e-3
 
 

@@ -89,11 +89,11 @@ def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]
         f"{grid['points'] - grid['hidden']} of {grid['points']} points visible",
     )
     yield section("2  Site and installation", about_site)
-    times = [each["taken_at"].replace("T", " ") for each in result["frames"] if "taken_at" in each]
+    times = [stamp(each["taken_at"]) for each in result["frames"] if "taken_at" in each]
     mains = f"{conditions['mains_frequency_hz']:g} Hz" if "mains_frequency_hz" in conditions else _UNKNOWN
     about_night = _pairs(
         "Time",
-        f"{min(times)} to {max(times)}" if times else _UNKNOWN,
+        " to ".join(sorted({min(times), max(times)})) if times else _UNKNOWN,
         "Road",
         f"{conditions['surface']} (stated)" if "surface" in conditions else _UNKNOWN,
         "Mains",
@@ -145,7 +145,7 @@ def _list_remarks(result: Node) -> Iterator[str]:
         )
     yield f"E from draws of the field, so that patches of pavement ({patches}) do not lower the minimum."
     for each in result["findings"]:
-        yield f"{each['sentence']} {each['action']}"
+        yield f"{each['sentence']} {each['action']}".replace("`", "")
     yield "Glare f_TI and the luminance that a driver sees are not visible from above: not measured."
 
 

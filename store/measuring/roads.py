@@ -17,7 +17,7 @@ from store.measuring.plan import read_proof, require_read, require_whole
 from store.measuring.version import choose_version, find_falloff, read_lens
 from store.publications import in_force
 from store.queries.frame_times import FrameClocks
-from store.tables import Calibration, Campaign, FrameRow, Json, Road, RoadResult
+from store.tables import Calibration, Camera, Campaign, FrameRow, Json, Road, RoadResult
 
 RESULT_SCHEMA = 1
 
@@ -44,6 +44,7 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
         channels = application.name_channels(header["cfa"], channel=coefficient.channel)
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
     geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
+    focal_mm, pitch_um = campaign.focal_length_mm, session.get_one(Camera, campaign.camera_id).pixel_pitch_um
     return {
         **stated,
         "sha256": frame.sha256,
@@ -51,6 +52,7 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
         "why": why,
         **({falloff.method: {"calibration_id": falloff.id}} if falloff else {}),
         **({"geometry_id": geometry.id} if geometry else {}),
+        **({"focal_px": 1e3 * focal_mm / pitch_um} if focal_mm and pitch_um else {}),
     }
 
 

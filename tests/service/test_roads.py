@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 
 import numpy as np
 import pypdf
@@ -10,9 +11,12 @@ import pytest
 from tests.support.roads import (
     MARKS,
     METER,
+    PX_PER_M,
     REQUIREMENT,
     RULE,
     SITE,
+    SPACING_M,
+    WIDTH_M,
     evaluate,
     evaluate_road,
     illuminate,
@@ -123,6 +127,19 @@ def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
     assert (again["number"], again["content_sha256"]) == (1, evaluated["content_sha256"])
 
 
+def test_the_view_follows_from_the_optics_that_are_stated(house, road):
+    """From straight above at height h = f_px / 16 px/m, the far corner of the field is atan(d / h) off."""
+    frame = house.get(f"/v1/frames/{road['frames'][0]['frame_id']}")
+    campaign = house.get(f"/v1/campaigns/{frame['campaign_id']}")
+    stated = house.http.patch(f"/v1/cameras/{campaign['camera_id']}", json={"pixel_pitch_um": 5.0})
+    assert stated.status_code == 200, stated.text
+    house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"focal_length_mm": 8.0})
+    height_m = 8.0e3 / 5.0 / PX_PER_M
+    far_m = math.hypot(SPACING_M / 2 - 1.5, WIDTH_M / 2 - 0.5)
+    view_deg = evaluate(house, road)["grid"]["view_deg"]
+    assert view_deg == pytest.approx(math.degrees(math.atan(far_m / height_m)), abs=1.0)
+
+
 def test_a_wrong_control_point_is_named_and_not_used(house, road):
     path = f"/v1/roads/{road['id']}/points"
     points = house.get(path)["items"]
@@ -147,7 +164,7 @@ def test_points_map_and_papers_of_an_evaluation(house, evaluated):
     assert len(report) == 2
     for words in ("Conforms against class C4", "EN 13201-2:2015", "T-10A 40027731", "N = 10"):
         assert words in report[0], words
-    for words in ("Average E_av", "P8", "Measured by"):
+    for words in ("Average Eav", "P8", "Measured by"):
         assert words in report[1], words
 
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 METER: Final = "meter calibration"
 _USUAL_VIEW: Final = 1.0
-"""Focal length over the frame's width where no geometry is in force: 53 degrees wide."""
+"""Focal length over the frame's width where neither geometry nor optics are known: 53 degrees wide."""
 _MARGIN_M: Final = 5.0
 _MOST_PX: Final = 1200
 _FINEST_M: Final = 0.05
@@ -189,12 +189,12 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
 
 
 def _find_camera(task: Task, geometry: Calibration | None) -> Camera:
-    """Return the camera of the geometry in force, else one without distortion and of a usual lens."""
+    """Return the camera of the geometry in force, else one without distortion, of its optics or usual ones."""
     if geometry is not None:
         camera: Camera = read_applied(geometry)
         return camera
     size = {"height_px": task.header.height_px, "width_px": task.header.width_px}
-    return PlainCamera(focal_px=_USUAL_VIEW * task.header.width_px, **size)
+    return PlainCamera(focal_px=task.parameters.get("focal_px", _USUAL_VIEW * task.header.width_px), **size)
 
 
 def _is_inside(outline: Polygon, width_px: int, height_px: int) -> bool:
