@@ -189,7 +189,7 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
 
 
 def _find_camera(task: Task, geometry: Calibration | None) -> Camera:
-    """Return the camera of the geometry in force, else one without distortion, of its optics or usual ones."""
+    """Return the camera of the geometry in force, else one without distortion, by its optics."""
     if geometry is not None:
         camera: Camera = read_applied(geometry)
         return camera
