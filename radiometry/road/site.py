@@ -139,6 +139,9 @@ class Conditions(Record):
     )
     reflectance_u_rel: float = about("Its relative standard uncertainty.", default=0.15)
     patches_u_rel: float = about("Usual variation of the pavement from place to place.", default=0.05)
+    remarks: str | None = about(
+        "Age of the lamps, climate, other light: as the report states them.", default=None
+    )
 
 
 class Meter(Record):

@@ -98,8 +98,8 @@ def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]
         f"{conditions['surface']} (stated)" if "surface" in conditions else _UNKNOWN,
         "Mains",
         mains,
-        "Lamps' age, climate, other light",
-        _UNKNOWN,
+        "Remarks",
+        conditions.get("remarks", "age of the lamps, climate and other light are not recorded"),
     )
     yield section("3  Conditions", about_night)
     yield section("4  Instruments and traceability", [_tabulate_instruments(result)])

@@ -85,9 +85,12 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path
         ("Name", "Mill Road"),
         ("Width of a lane [m]", "3"),
         ("Row of luminaires from the kerb [m]", "-1"),
+        ("Power of one spacing [W]", "90"),
+        ("Remarks", "lamps of 2024, 6 °C"),
     ):
         page.get_by_label(label, exact=True).fill(value)
     page.get_by_label("Class").select_option("EN 13201-2:2015|C4")
+    page.get_by_label("Lamps", exact=True).select_option("led")
     page.get_by_role("button", name="Register").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Mill Road")
     settle(page)
@@ -113,4 +116,5 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path
     expect(page.locator("#points").get_by_role("row")).to_have_count(9)
     page.get_by_role("button", name="Evaluate").click()
     expect(page.locator("#verdict")).to_contain_text("against class C4")
-    expect(page.locator("#figures")).to_contain_text("Average")
+    expect(page.locator("#figures")).to_contain_text("Power density")
+    expect(page.locator("#under")).to_contain_text("led, dry")

@@ -4,6 +4,7 @@ import { all, get, patch, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { field } from "../campaign/forms.js";
 import { fill, h, openDialog } from "../dom.js";
+import { words } from "../format.js";
 import { methodOf } from "../methods.js";
 import { act } from "../states.js";
 
@@ -16,6 +17,15 @@ const SIZES = [
   ["width_m", "Width of a lane [m]", "Of each of them.", 3.5],
 ];
 
+const LAMPS = ["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"];
+const CONDITIONS = [
+  { name: "surface", label: "Surface", options: [["dry", "Dry"], ["moist", "Moist"], ["wet", "Wet"], ["", "Not recorded"]], help: "A wet road mirrors its lamps: it is not evaluated." },
+  { name: "lamp_kind", label: "Lamps", options: [["", "Not recorded"], ...LAMPS.map((kind) => [kind, words(kind)])], help: "Their flicker and spectrum enter the uncertainty." },
+  { name: "mains_frequency_hz", label: "Mains", options: [["", "Not recorded"], ["50", "50 Hz"], ["60", "60 Hz"]], help: "Exposure times without flicker follow from it." },
+  { name: "power_w", label: "Power of one spacing [W]", type: "number", step: "any", help: "Of all its luminaires with their gear: for the power density." },
+  { name: "remarks", label: "Remarks", help: "Age of the lamps, climate, other light: the report states them." },
+];
+
 export async function createRoad() {
   const { items: rules } = await get("/v1/road-rules");
   const classes = rules.flatMap(({ name, classes: each }) => each.map((one) => [`${name}|${one.name}`, `${one.name}, ${name}`]));
@@ -25,6 +35,7 @@ export async function createRoad() {
       { name: "name", label: "Name", help: "Street and night, as the report names them." },
       { name: "class", label: "Class", options: classes, value: "EN 13201-2:2015|C3", help: "Of a rule; compare its figures with your copy of the standard." },
       ...SIZES.map(([name, label, help, value]) => ({ name, label, help, value, type: "number", step: "any" })),
+      ...CONDITIONS.map((each) => ({ ...each, required: false })),
     ],
     submit: "Register",
     action: (typed) => {
@@ -32,7 +43,8 @@ export async function createRoad() {
       const size = (name) => Number(typed[name]);
       const strips = Array.from({ length: size("lanes") }, (_, at) => ({ name: String(at + 1), kind: "lane", y_m: at * size("width_m"), width_m: size("width_m") }));
       const rows = [{ y_m: size("y_m"), height_m: size("height_m"), spacing_m: size("spacing_m") }];
-      return post("/v1/roads", { name: typed.name, requirement: { rule, road_class }, site: { rows, strips } });
+      const stated = CONDITIONS.filter(({ name }) => typed[name]).map(({ name }) => [name, /_(hz|w)$/.test(name) ? size(name) : typed[name]]);
+      return post("/v1/roads", { name: typed.name, requirement: { rule, road_class }, site: { rows, strips }, conditions: Object.fromEntries(stated) });
     },
   });
   if (made) location.href = `/roads/${made.id}`;
