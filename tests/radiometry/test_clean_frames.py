@@ -19,6 +19,7 @@ from radiometry.noise.verdicts import judge as judge_noise
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.findings import judge as judge_reflectance
 from radiometry.sharpness import fit as sharpness
+from radiometry.sharpness.results import Params as SharpnessParams
 from radiometry.sharpness.results import Target
 from radiometry.sharpness.verdicts import judge as judge_sharpness
 from radiometry.vignetting import fit as vignetting
@@ -175,8 +176,8 @@ def test_clean_charts_raise_nothing(size, plan, kind):
         frame = shots.render_chart(studio, [one], random)
         found = shots.extract(frame, [one.region], camera=studio, target=target)
         rows.append(shots.row(f"chart-{n}", found))
-    assert not judged(judge_sharpness, rows, sharpness.Params())
-    assert not sharpness.fit(rows, sharpness.Params()).flags
+    assert not judged(judge_sharpness, rows, SharpnessParams())
+    assert not sharpness.fit(rows, SharpnessParams()).flags
 
 
 @every_size
