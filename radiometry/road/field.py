@@ -7,10 +7,11 @@ gamma from the vertical [1, 2]::
     ln E_j                   = f(x_j) + meter + own
     ln L_j                   = f(x_j) + ln(rho_0 / pi) - r - b1 (1 - cos gamma_j) + p(x_j) + meter + own
 
-f is a Gaussian process of a free mean; r, b1 and all errors have mean 0 and the variances that are stated of
-them. A meter that is behind K and at the points is one error. Patches are not light: the field is without
-them. Its lengths, its size and the scatter of patches are those of the largest marginal likelihood of the
-luminances alone, so that no reading of a meter can change them.
+f is a Gaussian process about a free mean and a free multiple of ln E of lamps that shine alike in all
+directions: what is left is smoother and smaller than the light itself. r, b1 and all errors have mean 0 and
+the variances that are stated of them. A meter that is behind K and at the points is one error. Patches are
+not light: the field is without them. Its lengths, its size and the scatter of patches are those of the
+largest marginal likelihood of the luminances alone, so that no reading of a meter can change them.
 
 [1] C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, sections 2.7
 and 5.4
@@ -31,8 +32,8 @@ from radiometry.road.results import Model
 
 Array = NDArray[np.float64]
 
-ANGLE_U = 0.15
-_MEAN_U = 10.0
+ANGLE_U = 0.2
+_MEAN_U, _TREND_U = 10.0, 1.0
 USUAL = Model(patches_rel=0.05, along_m=5.0, across_m=5.0, sigma=0.5)
 # of the ln of along, across, sigma and patches
 _WIDE = np.array([1.0, 1.0, 1.0, 1.0])
@@ -68,7 +69,7 @@ class Field(NamedTuple):
     left_u: Array
 
 
-def fit_models(xy_m: Array, rows: Rows, *, patches: float) -> tuple[Model, ...]:
+def fit_models(xy_m: Array, trend: Array, rows: Rows, *, patches: float) -> tuple[Model, ...]:
     """Fit lengths, size and patches of the field to the luminances alone.
 
     The first model is the most likely one. The others are drawn from its Laplace approximation, and again by
@@ -78,7 +79,7 @@ def fit_models(xy_m: Array, rows: Rows, *, patches: float) -> tuple[Model, ...]:
     fixed, usual = _cover(alone), np.log([USUAL.along_m, USUAL.across_m, USUAL.sigma, patches])
 
     def cost(ln: Array) -> float:
-        covariance = fixed + _vary(_read(ln), xy_m[alone.places], xy_m[alone.places])
+        covariance = fixed + _vary(_read(ln), xy_m[alone.places], trend[alone.places])
         covariance[np.diag_indices_from(covariance)] += math.exp(2.0 * ln[3])
         low = np.linalg.cholesky(covariance)
         white = scipy.linalg.solve_triangular(low, alone.values, lower=True)
@@ -118,7 +119,7 @@ def select_rows(rows: Rows, kept: NDArray[np.bool_]) -> Rows:
     return replace(rows, **own, shared={source: effect[kept] for source, effect in rows.shared.items()})
 
 
-def solve_field(xy_m: Array, rows: Rows, model: Model) -> Field:
+def solve_field(xy_m: Array, trend: Array, rows: Rows, model: Model) -> Field:
     """Solve for ln E at all places, with the contribution of every source to its error."""
     patches = np.zeros((len(rows.values), len(xy_m)))
     patches[np.flatnonzero(rows.sees_pavement), rows.places[rows.sees_pavement]] = model.patches_rel
@@ -128,7 +129,7 @@ def solve_field(xy_m: Array, rows: Rows, model: Model) -> Field:
         "points": np.diag(np.where(rows.is_reading, rows.own_u, 0.0)),
         "noise": np.diag(np.where(rows.is_reading, 0.0, rows.own_u)),
     }
-    light = _vary(model, xy_m, xy_m)
+    light = _vary(model, xy_m, trend)
     seen = light[:, rows.places]
     covariance = seen[rows.places] + sum(effect @ effect.T for effect in of_rows.values())
     inverse = np.linalg.inv(covariance)
@@ -162,10 +163,11 @@ def _cover(rows: Rows) -> Array:
     return np.asarray(np.diag(rows.own_u**2) + sum(shared, np.zeros((1, 1))))
 
 
-def _vary(model: Model, some_m: Array, others_m: Array) -> Array:
+def _vary(model: Model, xy_m: Array, trend: Array) -> Array:
     """Return the prior covariance of ln E between places."""
-    apart = (some_m[:, None, :] - others_m[None, :, :]) / (model.along_m, model.across_m)
-    return _MEAN_U**2 + model.sigma**2 * np.asarray(np.exp(-np.sum(apart**2, axis=2) / 2.0))
+    apart = (xy_m[:, None, :] - xy_m[None, :, :]) / (model.along_m, model.across_m)
+    near = model.sigma**2 * np.exp(-np.sum(apart**2, axis=2) / 2.0)
+    return np.asarray(_MEAN_U**2 + _TREND_U**2 * np.outer(trend, trend) + near)
 
 
 def _read(ln: Array) -> Model:
@@ -173,12 +175,13 @@ def _read(ln: Array) -> Model:
     return Model(patches_rel=patches, along_m=along, across_m=across, sigma=sigma)
 
 
-def find_angles(places_m: Array, lamps_m: Array) -> Array:
-    """Compute the mean of 1 - cos gamma at places, of lamps (x, y, height) that shine alike everywhere."""
+def light_evenly(places_m: Array, lamps_m: Array) -> tuple[Array, Array]:
+    """Compute ln E and the mean of 1 - cos gamma at places, of lamps (x, y, height) of 1 cd everywhere."""
     apart = places_m[:, None, :] - lamps_m[None, :, :2]
     cosines = lamps_m[:, 2] / np.sqrt(np.sum(apart**2, axis=2) + lamps_m[:, 2] ** 2)
     weights = cosines**3 / lamps_m[:, 2] ** 2
-    return np.asarray(np.sum(weights * (1.0 - cosines), axis=1) / np.sum(weights, axis=1))
+    light = np.sum(weights, axis=1)
+    return np.log(light), np.asarray(np.sum(weights * (1.0 - cosines), axis=1) / light)
 
 
 def draw_fields(fields: Sequence[Field], *, places: int, draws: int) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.road import codes
-from radiometry.road.field import ANGLE_U, Rows, find_angles
+from radiometry.road.field import ANGLE_U, Rows, light_evenly
 from radiometry.road.grid import GridPoint
 from radiometry.road.site import ControlPoint, Reading, Road, Scale
 
@@ -64,6 +64,7 @@ class Places(NamedTuple):
     names: tuple[str, ...]
     xy_m: Array
     surfaces: tuple[str, ...]
+    trend: Array  # ln E of lamps that shine alike everywhere
     angles: Array  # 1 - cos gamma
     seen: tuple[Seen | None, ...]
     lamps: NDArray[np.intp]  # group of lamps by colour
@@ -82,11 +83,13 @@ def gather(road: Road, points: Sequence[GridPoint], readings: Sequence[Reading])
     known = tuple(None if name in hidden else seen.get(name) for name in names)
     if sum(each is not None for each in known[: len(points)]) < len(points) / 2:
         raise codes.ROAD_NOT_SEEN.refuse("Less than half of the points of the grid are seen.")
+    trend, angles = light_evenly(xy, np.array(road.site.list_lamps()))
     return Places(
         names=tuple(names),
         xy_m=xy,
         surfaces=tuple(road.site.find_surface(part) for part in parts),
-        angles=find_angles(xy, np.array(road.site.list_lamps())),
+        trend=trend,
+        angles=angles,
         seen=known,
         lamps=split_lamps([None if each is None else each.ln_colour for each in known]),
     )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.road.field import USUAL, Field, Rows, solve_field
+from radiometry.road.field import USUAL, Field, Rows, light_evenly, solve_field
 from radiometry.road.grid import GridPoint, lay_points
 from radiometry.road.observations import UNCERTIFIED_U, gather, make_rows
 from radiometry.road.reporting import find_judged
@@ -95,9 +95,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
     points = lay_points(road.site, find_rule(road.requirement.rule).grid)
     judged = find_judged(road, points)
     xy = np.array([(each.x_m, each.y_m) for each in points])
-    lamps = np.array(road.site.list_lamps())
-    away = np.sum((xy[:, None] - lamps[None, :, :2]) ** 2, axis=2) + lamps[:, 2] ** 2
-    light = np.sum(lamps[:, 2] * away**-1.5, axis=1)
+    light = np.exp(light_evenly(xy, np.array(road.site.list_lamps()))[0])
     rows, field = _foresee(road, points, dict(zip((p.name for p in points), light.tolist(), strict=True)))
     meter = next(iter(road.meters), None)
     u = _METER_U if meter is None else UNCERTIFIED_U if meter.u_rel is None else meter.u_rel
@@ -159,4 +157,5 @@ def _foresee(road: Road, points: Sequence[GridPoint], light: Mapping[str, float]
     ]
     places = gather(bare, points, seen)
     rows = make_rows(bare, places, Scale(u_rel=0.025))
-    return rows, solve_field(places.xy_m, rows, replace(USUAL, patches_rel=road.conditions.patches_u_rel))
+    model = replace(USUAL, patches_rel=road.conditions.patches_u_rel)
+    return rows, solve_field(places.xy_m, places.trend, rows, model)

@@ -1,6 +1,6 @@
 """Figures of many roads with 8 control points, b1 up to 0.3 and patches of 5 and 10 %, against their truth.
 
-ROADS=200 pytest tests/radiometry/road/test_bars.py -s
+ROADS=400 pytest tests/radiometry/road/test_bars.py -s
 """
 
 import os

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.road.evaluation import evaluate_road
-from radiometry.road.field import Rows, find_angles, solve_field
+from radiometry.road.field import Rows, light_evenly, solve_field
 from radiometry.road.results import Model
 from radiometry.road.site import Conditions, Criterion
 from tests.radiometry.road.simulated import SCALE, draw_road, survey
@@ -54,14 +54,16 @@ def test_scale_by_control_points_is_that_of_the_table(count, other, same):
         )
         far = np.column_stack([1e3 * np.arange(count), np.zeros(count)])
         model = Model(patches_rel=1e-6, along_m=1.0, across_m=1.0, sigma=100.0)
-        covariance = solve_field(far, rows, model).levels[1]
+        covariance = solve_field(far, np.zeros(len(far)), rows, model).levels[1]
         weights = np.array([own_k[0, 0], behind_k])
         assert math.sqrt(weights @ covariance @ weights) == pytest.approx(expected, abs=6e-5)
 
 
-def test_angle_below_a_lamp_is_that_of_the_vertical():
+def test_light_below_a_lamp_is_vertical_and_falls_with_the_cube_of_the_cosine():
     lamps = np.array([(0.0, 0.0, 10.0)])
-    assert find_angles(np.array([(0.0, 0.0), (10.0, 0.0)]), lamps) == pytest.approx([0.0, 1 - math.sqrt(0.5)])
+    ln_light, angles = light_evenly(np.array([(0.0, 0.0), (10.0, 0.0)]), lamps)
+    assert angles == pytest.approx([0.0, 1 - math.sqrt(0.5)])
+    assert ln_light == pytest.approx([math.log(0.01), math.log(0.01 * 0.5**1.5)])
 
 
 def test_figures_hold_the_truth(surveyed, result):
@@ -162,7 +164,7 @@ def test_two_kinds_of_lamps_need_points_under_both(surveyed):
 def test_moisture_that_no_patch_explains_scatters(surveyed):
     road, random = surveyed[0], np.random.default_rng(1)
     off = [
-        dataclasses.replace(each, values=(each.values[0] * math.exp(0.3 * random.standard_normal()),))
+        dataclasses.replace(each, values=(each.values[0] * math.exp(0.4 * random.standard_normal()),))
         for each in road.control
     ]
     assert "road_scatters" in change(surveyed, control=tuple(off))
