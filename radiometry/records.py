@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, dataclass_transform
 LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
 
 
-def about(sentence: str, *, default: Any = MISSING, default_factory: Any = MISSING) -> Any:  # noqa: ANN401  of its type
-    """Return a field of a record with what it means, as OpenAPI and the documents show it."""
-    return field(default=default, default_factory=default_factory, metadata={"description": sentence})
+def about(
+    sentence: str,
+    *,
+    default: Any = MISSING,  # noqa: ANN401  of its type
+    default_factory: Any = MISSING,  # noqa: ANN401
+    within: tuple[float, float] | None = None,
+) -> Any:  # noqa: ANN401
+    """Return a field with what it means, as OpenAPI and the documents show it, and the limits of a form."""
+    stated = {"description": sentence} | ({"within": within} if within else {})
+    return field(default=default, default_factory=default_factory, metadata=stated)
 
 
 def later(sentence: str = "") -> Any:  # noqa: ANN401  a field takes its annotated type

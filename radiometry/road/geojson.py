@@ -140,8 +140,11 @@ def read_site(document: Mapping[str, Any]) -> Site:
             ),
             origin=origin,
         )
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise codes.SITE_INVALID.refuse(f"The GeoJSON is not that of a site: {error!r}.") from None
+    except (KeyError, IndexError, TypeError, ValueError):
+        raise codes.SITE_INVALID.refuse(
+            "The GeoJSON is not that of a site: rows are LineStrings with `height_m`, surfaces are Polygons "
+            "with `kind` and `name`."
+        ) from None
 
 
 def _find_origin(line_deg: Array, polygon_deg: Array) -> Origin:

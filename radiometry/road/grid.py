@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from radiometry.records import Record, about
 from radiometry.road import codes
 from radiometry.road.rules import GridRule
-from radiometry.road.site import Area, Site, Strip
+from radiometry.road.site import PLACES_M, Area, Site, Strip
 
 Array = NDArray[np.float64]
 MOST_POINTS = 2500
+_MOST_ROWS, _FEWEST_CORNERS = 50, 3
 
 
 class GridPoint(Record):
@@ -53,12 +54,18 @@ def lay_points(site: Site, rule: GridRule) -> tuple[GridPoint, ...]:
     for strip in (*site.lanes, *(each for each in site.strips if each.kind != "lane")):
         for name, near in _place_strip(site, strip):
             rows = count_points(strip.width_m, rule.fewest_across, rule.widest_across_m)
+            _require_few(len(points) + rows * len(along))
             points += _name(name, along, _divide(near, near + strip.width_m, rows))
     for area in site.areas:
         points += _fill(area, min(rule.widest_along_m, rule.widest_across_m))
-    if len(points) > MOST_POINTS:
-        raise codes.SITE_INVALID.refuse(f"The grid has {len(points)} points, and at most {MOST_POINTS}.")
+        _require_few(len(points))
     return tuple(points)
+
+
+def _require_few(count: int, most: int = MOST_POINTS) -> None:
+    """Refuse more points than can be evaluated, before they are laid."""
+    if count > most:
+        raise codes.SITE_INVALID.refuse(f"The grid has {count} points, and at most {most}.")
 
 
 def inside(edge: str) -> str:
@@ -75,11 +82,21 @@ def outline_points(places_m: Array, side_m: float) -> Array:
 
 def _check(site: Site) -> None:
     sizes = [each.width_m for each in site.strips] + [n for r in site.rows for n in (r.height_m, r.spacing_m)]
-    if not site.rows or not all(size > 0.0 for size in sizes) or site.receiver_m <= 0.0:
-        raise codes.SITE_INVALID.refuse("A site has a row of luminaires, and widths and heights above 0.")
+    if (
+        not 1 <= len(site.rows) <= _MOST_ROWS
+        or not all(size > 0.0 for size in sizes)
+        or site.receiver_m <= 0.0
+    ):
+        raise codes.SITE_INVALID.refuse(
+            "A site has 1 to 50 rows of luminaires, and widths and heights above 0."
+        )
     names = [each.name for each in site.strips] + [each.name for each in site.areas]
     if not names or len(set(names)) < len(names):
         raise codes.SITE_INVALID.refuse("A site has lanes, walkways or areas of different names.")
+    corners = [corner for area in site.areas for corner in area.corners_m]
+    far = max((abs(at) for corner in corners for at in corner), default=0.0)
+    if far > PLACES_M[1] or any(len(area.corners_m) < _FEWEST_CORNERS for area in site.areas):
+        raise codes.SITE_INVALID.refuse("An area has three corners or more, each within 10 km.")
 
 
 def _place_strip(site: Site, strip: Strip) -> list[tuple[str, float]]:
@@ -107,7 +124,9 @@ def _name(part: str, along: Array, across: Array) -> list[GridPoint]:
 def _fill(area: Area, widest_m: float) -> list[GridPoint]:
     corners = np.array(area.corners_m, np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    x, y = (_divide(a, b, count_points(b - a, 1, widest_m)) for a, b in zip(low, high, strict=True))
+    counts = [count_points(size, 1, widest_m) for size in (high - low).tolist()]
+    _require_few(math.prod(counts), 4 * MOST_POINTS)
+    x, y = (_divide(*each) for each in zip(low, high, counts, strict=True))
     return [each for each in _name(area.name, x, y) if _holds(corners, each.x_m, each.y_m)]
 
 

@@ -12,6 +12,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.records import Record, about
 from radiometry.road import codes
 from radiometry.road.grid import outline_points
+from radiometry.road.site import PLACES_M
 
 Array = NDArray[np.float64]
 
@@ -53,14 +54,19 @@ class PlainCamera(Record):
         return np.zeros(5)
 
 
+_PIXELS = (-1e5, 1e6)
+
+
 class Mark(Record):
     """A point of the road that was found in the picture."""
 
-    x_px: float = about("Column in the picture, from its left edge [px].")
-    y_px: float = about("Row in the picture, from its upper edge [px].")
-    x_m: float = about("Place along the road [m].")
-    y_m: float = about("Place across [m].")
-    u_m: float = about("Standard uncertainty of each coordinate on the road [m].", default=0.03)
+    x_px: float = about("Column in the picture, from its left edge [px].", within=_PIXELS)
+    y_px: float = about("Row in the picture, from its upper edge [px].", within=_PIXELS)
+    x_m: float = about("Place along the road [m].", within=PLACES_M)
+    y_m: float = about("Place across [m].", within=PLACES_M)
+    u_m: float = about(
+        "Standard uncertainty of each coordinate on the road [m].", default=0.03, within=(1e-4, 100.0)
+    )
 
 
 class Placement(Record):

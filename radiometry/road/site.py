@@ -13,16 +13,17 @@ Quantity = Literal["illuminance", "luminance"]
 Figure = Literal["e_av", "e_min", "u_0", "average_to_min", "eir", "l_av", "u_o", "u_l", "f_ti"]
 
 LANES = "lanes"
+PLACES_M, LENGTHS_M, SHARES = (-10_000.0, 10_000.0), (0.1, 1_000.0), (0.001, 1.0)
 _NEIGHBOURS = 4
 
 
 class Row(Record):
     """Luminaires in one row along the road."""
 
-    y_m: float = about("Place across, from the kerb [m].")
-    height_m: float = about("Height of the lamps above the road [m].")
-    spacing_m: float = about("Spacing of the luminaires along the road [m].")
-    first_x_m: float = about("Place of one of them along the road [m].", default=0.0)
+    y_m: float = about("Place across, from the kerb [m].", within=PLACES_M)
+    height_m: float = about("Height of the lamps above the road [m].", within=LENGTHS_M)
+    spacing_m: float = about("Spacing of the luminaires along the road [m].", within=LENGTHS_M)
+    first_x_m: float = about("Place of one of them along the road [m].", default=0.0, within=PLACES_M)
 
 
 class Strip(Record):
@@ -32,8 +33,8 @@ class Strip(Record):
     kind: Kind = about(
         '"lane"; "walkway"; or "edge", the strip beside the lanes whose light is compared with theirs.'
     )
-    y_m: float = about("Nearer edge, from the kerb [m]; negative on the near side of it.")
-    width_m: float = about("Width [m].")
+    y_m: float = about("Nearer edge, from the kerb [m]; negative on the near side of it.", within=PLACES_M)
+    width_m: float = about("Width [m].", within=LENGTHS_M)
     surface: str = about("Name of its pavement; those of one name reflect alike.", default="asphalt")
 
 
@@ -48,9 +49,9 @@ class Area(Record):
 class Origin(Record):
     """Place of a road's coordinates on the earth."""
 
-    longitude_deg: float = about("Of x = 0, y = 0 [deg].")
-    latitude_deg: float = about("Of x = 0, y = 0 [deg].")
-    bearing_deg: float = about("Direction of x, clockwise from north [deg].")
+    longitude_deg: float = about("Of x = 0, y = 0 [deg].", within=(-180.0, 180.0))
+    latitude_deg: float = about("Of x = 0, y = 0 [deg].", within=(-89.0, 89.0))
+    bearing_deg: float = about("Direction of x, clockwise from north [deg].", within=(-360.0, 360.0))
     y_to_the_right: bool = about("True if y grows to the right of x.", default=False)
 
 
@@ -65,7 +66,9 @@ class Site(Record):
     areas: tuple[Area, ...] = about("Areas of any outline.", default=())
     origin: Origin | None = about("Place on the earth, if it is known.", default=None)
     receiver_m: float = about(
-        "Side of the square over which the luminance of a point is read [m].", default=0.2
+        "Side of the square over which the luminance of a point is read [m].",
+        default=0.2,
+        within=(0.01, 10.0),
     )
 
     @property
@@ -97,8 +100,8 @@ class Criterion(Record):
     """One requirement on one figure."""
 
     figure: Figure = about("Figure that is required.")
-    at_least: float | None = about("Lower limit, in the figure's unit.", default=None)
-    at_most: float | None = about("Upper limit, in the figure's unit.", default=None)
+    at_least: float | None = about("Lower limit, in the figure's unit.", default=None, within=(0.0, 1e6))
+    at_most: float | None = about("Upper limit, in the figure's unit.", default=None, within=(0.0, 1e6))
 
 
 class Requirement(Record):
@@ -115,11 +118,13 @@ class Requirement(Record):
     largest_u_rel: float | None = about(
         "Largest accepted expanded uncertainty, as a share of the figure, agreed before the flight.",
         default=None,
+        within=SHARES,
     )
     maintenance_factor: float | None = about(
         "Maintenance factor of the design, which turns measured values of new luminaires into maintained "
         "ones; None judges the road as found.",
         default=None,
+        within=SHARES,
     )
     criteria: tuple[Criterion, ...] = about("Limits in place of those of the class.", default=())
     confirmed: str | None = about(
@@ -132,13 +137,19 @@ class Conditions(Record):
 
     surface: Surface | None = about("State of the pavement.", default=None)
     lamp_kind: LampKind | None = about("Kind of the lamps.", default=None)
-    mains_frequency_hz: float | None = about("Of the supply [Hz]; 0 for direct current.", default=None)
-    power_w: float | None = about("Electrical power of the luminaires of one spacing [W].", default=None)
-    reflectance: float | None = about(
-        "Luminance factor of the pavement at nadir, where it is known.", default=None
+    mains_frequency_hz: float | None = about(
+        "Of the supply [Hz]; 0 for direct current.", default=None, within=(0.0, 1_000.0)
     )
-    reflectance_u_rel: float = about("Its relative standard uncertainty.", default=0.15)
-    patches_u_rel: float = about("Usual variation of the pavement from place to place.", default=0.05)
+    power_w: float | None = about(
+        "Electrical power of the luminaires of one spacing [W].", default=None, within=(0.1, 1e6)
+    )
+    reflectance: float | None = about(
+        "Luminance factor of the pavement at nadir, where it is known.", default=None, within=(0.001, 2.0)
+    )
+    reflectance_u_rel: float = about("Its relative standard uncertainty.", default=0.15, within=SHARES)
+    patches_u_rel: float = about(
+        "Usual variation of the pavement from place to place.", default=0.05, within=SHARES
+    )
     remarks: str | None = about(
         "Age of the lamps, climate, other light: as the report states them.", default=None
     )

@@ -337,7 +337,7 @@ router = operations.Router(prefix="/v1/roads/{road_id}", tags=["roads"])
 
 @router.get("/results/{number}/report.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_road_report(
-    road_id: lookup.Id, number: int, request: Request, caller: auth.Reader, context: UsesContext
+    road_id: lookup.Id, number: routes.Number, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The evaluation on two pages of A4 (PDF/A) with the headings of EN 13201-4."""
 

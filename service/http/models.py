@@ -249,8 +249,11 @@ def model_of(record: type, base: type[BaseModel]) -> Any:  # noqa: ANN401  a mod
             kind, sentence = _as_model(hints[each.name], base), sentences.get(each.name)
             has_default = not each.default is each.default_factory is dataclasses.MISSING
             needed = not (has_default or (type(None) in get_args(kind) and not is_form))
+            limits = dict(zip(("ge", "le"), each.metadata.get("within", ()), strict=False)) if is_form else {}
             stated[each.name] = (
-                (kind, Field(description=sentence)) if needed else (kind | None, maybe(sentence or ""))
+                (kind, Field(description=sentence, **limits))
+                if needed
+                else (kind | None, maybe(sentence or "", **limits))
             )
         room = record.__module__.split(".")[1].capitalize()
         own = f"{room}{record.__name__.removeprefix(room)}"

@@ -1,9 +1,10 @@
 """Roads: stated, read at control points, evaluated and planned."""
 
+import hashlib
 from typing import Annotated, Final
 
-from fastapi import Depends, Query, Request, Response
-from pydantic import Field, TypeAdapter
+from fastapi import Depends, Path, Query, Request, Response
+from pydantic import Field, TypeAdapter, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -16,7 +17,7 @@ from radiometry.road.results import RoadResult as Evaluated
 from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, wrong
+from service.http.problems import Problem, invalid, located, wrong
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements.lists import GeoJson
@@ -28,6 +29,7 @@ from store.publications import list_issued
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
 
+Number = Annotated[int, Path(ge=1, le=1_000_000)]
 _COLUMNS: Final = (
     *("name", "x_m", "y_m", "quantity", "unit", "value"),
     *(f"value_{number}" for number in range(2, 10)),
@@ -127,12 +129,15 @@ def put_road_site(
     road_id: lookup.Id, body: schemas.SiteFeatures, caller: auth.Calibrator, writing: changes.Writes
 ) -> Response:
     """State the site as GeoJSON, as its GET writes it: x = 0, y = 0 is then the first luminaire."""
-    found = geojson.read_site(body.model_dump())
+    read = drop_absent(encode(geojson.read_site(body.model_dump())))
+    try:
+        stated = schemas.RoadChange.model_validate({"site": read})
+    except ValidationError as error:
+        raise invalid(located(error, "body")) from None
 
     def change(session: Session) -> changes.Reply:
         row = lookup.owned(session, Road, road_id, caller, for_update=True)
-        row.site = drop_absent(encode(found))
-        return changes.Reply(status=200, body=_write(session, row, schemas.RoadChange(), caller))
+        return changes.Reply(status=200, body=_write(session, row, stated, caller))
 
     return writing.run(caller, change)
 
@@ -220,21 +225,19 @@ def evaluate_road(road_id: lookup.Id, caller: auth.Uploader, writing: changes.Wr
 
 @router.get("/{road_id}/results/{number}", **answers.sends(schemas.RoadResultAnswer))
 def get_road_result(
-    road_id: lookup.Id, number: int, request: Request, caller: auth.Reader, context: UsesContext
+    road_id: lookup.Id, number: Number, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """One evaluation: figures with their intervals, verdicts, points, control points and flags."""
     with context.database.reading() as session:
         answer = answer_result(session, find_result(session, road_id, number, caller))
-    states = "-".join(each.calibration_state for each in answer.frames)
-    tag = f"{answer.content_sha256}-{hash(states) & 0xFFFF:x}"
-    return answers.not_modified(request, tag, answers.standing_headers(tag)) or answer.respond(
-        answers.standing_headers(tag)
-    )
+    # the state and the certificate of a version may have changed since
+    headers = answers.standing_headers(hashlib.sha256(answer.model_dump_json().encode()).hexdigest())
+    return answers.not_modified(request, headers["ETag"].strip('"'), headers) or answer.respond(headers)
 
 
 @router.get("/{road_id}/results/{number}/points.csv", **answers.sends_file("text/csv"))
 def get_road_points_csv(
-    road_id: lookup.Id, number: int, caller: auth.Reader, context: UsesContext
+    road_id: lookup.Id, number: Number, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The points of the grid, a line each: place, illuminance and its relative standard uncertainty."""
     with context.database.reading() as session:
@@ -244,7 +247,7 @@ def get_road_points_csv(
 
 @router.get("/{road_id}/results/{number}/points.geojson", **answers.sends_file(GeoJson.media_type))
 def get_road_points_geojson(
-    road_id: lookup.Id, number: int, caller: auth.Reader, context: UsesContext
+    road_id: lookup.Id, number: Number, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """Grid points and control points as GeoJSON: in degrees if the site has an origin, else in metres."""
     with context.database.reading() as session:
@@ -255,7 +258,7 @@ def get_road_points_geojson(
 
 @router.get("/{road_id}/results/{number}/map.png", **answers.sends_stored_file("image/png"))
 def get_road_map(
-    road_id: lookup.Id, number: int, request: Request, caller: auth.Reader, context: UsesContext
+    road_id: lookup.Id, number: Number, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The road from above in false colours of illuminance; `map` of the evaluation names what it shows."""
     with context.database.reading() as session:

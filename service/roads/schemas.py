@@ -24,6 +24,12 @@ class NewSite(models.model_of(site.Site, Form)):  # type: ignore[misc]
 class NewRequirement(models.model_of(site.Requirement, Form)):  # type: ignore[misc]
     """Class of the road and how the verdict takes the uncertainty into account."""
 
+    @model_validator(mode="after")
+    def _limits(self) -> "NewRequirement":
+        if any(each.at_least is None and each.at_most is None for each in self.criteria or ()):
+            raise ValueError("criteria: each needs at_least or at_most")
+        return self
+
 
 class NewConditions(models.model_of(site.Conditions, Form)):  # type: ignore[misc]
     """State of the road and its lamps at the flight."""
@@ -98,6 +104,13 @@ class RoadChange(Form):
     hidden: list[Text] | None = maybe(
         "Names of grid points that a car or a tree hides.", max_length=grid.MOST_POINTS
     )
+
+    @model_validator(mode="after")
+    def _frames_once(self) -> "RoadChange":
+        named = [each.frame_id for each in self.frames or ()]
+        if len(set(named)) < len(named):
+            raise ValueError("frames: each is stated once")
+        return self
 
 
 class NewRoad(RoadChange):

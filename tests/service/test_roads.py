@@ -92,6 +92,48 @@ def test_what_cannot_be_used_is_refused_by_name(house, road):
     assert "frames" in refuse(f"/v1/roads/{without['id']}/evaluate", None)["detail"]
 
 
+ROW, LANE = SITE["rows"][0], SITE["strips"][0]
+LANES = [LANE | {"name": str(n)} for n in range(3)]
+SQUARE = [[0, 0], [9_000, 0], [9_000, 9_000], [0, 9_000]]
+
+
+@pytest.mark.parametrize(
+    ("stated", "named"),
+    [
+        # each of these once kept the service busy for ever, or ended in a 500
+        ({"site": SITE | {"rows": [ROW | {"spacing_m": 1e9}]}}, "body.site.rows.0.spacing_m"),
+        ({"site": SITE | {"rows": [ROW | {"height_m": 1e300}]}}, "body.site.rows.0.height_m"),
+        ({"site": {"rows": [ROW | {"spacing_m": 1000.0}], "strips": LANES}}, "3006 points"),
+        ({"site": SITE | {"rows": [ROW] * 51}}, "1 to 50 rows"),
+        ({"site": SITE | {"areas": [{"name": "a", "corners_m": SQUARE}]}}, "36000000 points"),
+        ({"site": SITE | {"areas": [{"name": "a", "corners_m": SQUARE[:2]}]}}, "three corners"),
+        ({"site": {"rows": [ROW], "strips": [LANE | {"width_m": 0}]}}, "body.site.strips.0.width_m"),
+        ({"conditions": {"patches_u_rel": 0}}, "body.conditions.patches_u_rel"),
+        ({"requirement": REQUIREMENT | {"criteria": [{"figure": "e_av"}]}}, "needs at_least or at_most"),
+        ({"frames": [{"frame_id": "frm_1", "marks": MARKS}] * 2}, "each is stated once"),
+        ({"frames": [{"frame_id": "f", "marks": [MARKS[0] | {"u_m": 0}, *MARKS]}]}, "marks.0.u_m"),
+    ],
+    ids=str,
+)
+def test_what_no_road_can_be_is_refused_before_it_is_laid(house, road, stated, named):
+    answer = house.http.patch(f"/v1/roads/{road['id']}", json=stated)
+    assert answer.status_code == 422
+    assert named in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("kind", [None, "sea", 7])
+def test_a_geojson_of_no_site_is_refused_in_words(house, road, kind):
+    path = f"/v1/roads/{road['id']}/site.geojson"
+    features = house.get(path)
+    features["features"][-1]["properties"]["kind"] = kind
+    refused = house.http.put(path, json=features)
+    assert refused.status_code == 422
+    assert "strips.1.kind" in refused.json()["detail"]
+    refused = house.http.put(path, json=features | {"features": [{}]})
+    assert "LineStrings with `height_m`" in refused.json()["detail"]
+    assert house.http.get(f"/v1/roads/{road['id']}/results/{10**30}").status_code == 422
+
+
 @pytest.fixture
 def evaluated(staged):
     return staged(evaluate_road)
