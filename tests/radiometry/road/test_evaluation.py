@@ -79,6 +79,27 @@ def test_figures_hold_the_truth(surveyed, result):
     assert result.grid.across_m == pytest.approx(3.5 / 3)
 
 
+def test_the_meter_behind_k_is_worth_less_at_the_points():
+    """Of one survey: the same instrument is one error, another one averages it."""
+    known = dataclasses.replace(SCALE, spectral_u_rel=0.0)
+    truth = draw_road(np.random.default_rng(3), b1=0.0)
+    road, points, readings, _, _ = survey(truth, np.random.default_rng(3), spectral=0.0, rho_u=0.005)
+    u_rel = {}
+    for meter in ("lux", "another"):
+        scale = dataclasses.replace(known, meter=meter)
+        figure = get_figure(evaluate_road(road, points, readings, scale=scale), "e_av")
+        u_rel[meter] = figure.standard_uncertainty / figure.value
+    assert u_rel["lux"] > 1.1 * u_rel["another"]
+
+
+@pytest.mark.parametrize("b1", [-0.3, 0.3])
+def test_the_slope_with_the_angle_is_found_by_many_points(b1):
+    truth = draw_road(np.random.default_rng(5), b1=b1, patches=0.005)
+    road, points, readings, scale, _ = survey(truth, np.random.default_rng(5), count=40)
+    (found,) = evaluate_road(road, points, readings, scale=scale).scales
+    assert abs(found.slope - b1) < 3.0 * found.slope_u < 0.1
+
+
 def test_a_wrong_point_is_named_and_not_used():
     named = 0
     for seed in range(20):
