@@ -55,7 +55,7 @@ ROAD_POINTS_ONE_SIDED = flag_measurement(
     "Read points on both sides of its middle, along and across.",
 )
 ROAD_METER_UNCERTIFIED = flag_measurement(
-    "A meter at the control points has no certificate.",
+    "A meter at the control points or behind K has no certificate.",
     "Register it with its certificate; until then use ratios of illuminances.",
 )
 ROAD_VIEW_STEEP = flag_measurement(

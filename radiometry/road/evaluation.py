@@ -10,7 +10,7 @@ from radiometry.road import codes
 from radiometry.road.field import Field, Rows, draw_fields, fit_models, select_rows, solve_field
 from radiometry.road.grid import GridPoint
 from radiometry.road.judging import Found, flag_road
-from radiometry.road.observations import UNCERTIFIED_U, Places, gather, make_rows
+from radiometry.road.observations import Places, gather, make_rows
 from radiometry.road.plan import Outlook, count_points, weigh_figures
 from radiometry.road.reporting import (
     compare_control,
@@ -21,7 +21,7 @@ from radiometry.road.reporting import (
     share_out,
 )
 from radiometry.road.results import CriterionResult, Model, RoadResult
-from radiometry.road.site import Reading, Road, Scale
+from radiometry.road.site import UNCERTIFIED_U, Reading, Road, Scale
 from radiometry.road.verdict import Drawn, compute_figures, find_worst, judge_classes, judge_road
 
 DRAWS = 4000
@@ -110,8 +110,8 @@ def _advise(
     if criterion.needed_u is None or weights is None or not road.control:
         return criterion
     meter = road.control[-1].meter
-    stated = {each.meter: each.u_rel for each in road.meters}.get(meter)
-    outlook = Outlook(field, rows, judged, meter=meter, meter_u=UNCERTIFIED_U if stated is None else stated)
+    u = {each.meter: each.assumed_u_rel for each in road.meters}.get(meter, UNCERTIFIED_U)
+    outlook = Outlook(field, rows, judged, meter=meter, meter_u=u)
     result = next(each.result for each in figures if each.result.figure == criterion.figure)
     share = criterion.needed_u / max(result.high - result.low, 1e-12) * 2.0
     wanted = share * outlook.estimate_u(weights)

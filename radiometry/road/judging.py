@@ -79,6 +79,8 @@ def _flag_points(found: Found) -> Iterator[Raised]:
     meters = {each.meter: each.u_rel for each in found.road.meters}
     for meter in sorted({each.meter for each in found.road.control if meters.get(each.meter) is None}):
         yield codes.ROAD_METER_UNCERTIFIED.at(f"meter {meter}", "5 % are assumed.")
+    if found.scale.meter is not None and found.scale.meter.u_rel is None:
+        yield codes.ROAD_METER_UNCERTIFIED.at("K", "5 % are assumed of the meter behind it.")
 
 
 def _flag_scales(found: Found) -> Iterator[Raised]:

@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from radiometry.road import codes
 from radiometry.road.field import ANGLE_U, Rows, light_evenly
 from radiometry.road.grid import GridPoint
-from radiometry.road.site import ControlPoint, Reading, Road, Scale
+from radiometry.road.site import UNCERTIFIED_U, ControlPoint, Reading, Road, Scale
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-UNCERTIFIED_U = 0.05
-"""Relative standard uncertainty of a meter without a certificate."""
 
 # Of the pavement, where its luminance factor is not stated: dark asphalt to light concrete
 _USUAL_RHO, _USUAL_RHO_U = 0.13, 0.4
@@ -108,7 +105,7 @@ def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
     is_reading = np.arange(len(index)) >= len(at)
     sees = np.concatenate([np.ones(len(at), np.bool_), is_luminance])
     values = [each.ln_luminance for each in seen] + [each.ln_mean for _, each in read]
-    meters = tuple(sorted({each.meter for _, each in read} | ({scale.meter} if scale.meter else set())))
+    meters = tuple(sorted({each.meter for _, each in read} | ({scale.meter.meter} if scale.meter else set())))
     return Rows(
         values=np.array(values) - np.where(sees, flat, 0.0),
         places=index,
@@ -140,10 +137,10 @@ def _share_errors(
     for row, each in enumerate(each for each in places.seen if each is not None):
         for frame in each.frames:
             of_frames[row, frames.index(frame)] = scale.frame_u_rel / len(each.frames)
-    stated = {each.meter: UNCERTIFIED_U if each.u_rel is None else each.u_rel for each in road.meters}
+    stated = {each.meter: each.assumed_u_rel for each in road.meters}
     of_meters = np.zeros((len(index), len(meters)))
     if scale.meter:
-        of_meters[:count, meters.index(scale.meter)] = scale.meter_u_rel
+        of_meters[:count, meters.index(scale.meter.meter)] = scale.meter.assumed_u_rel
     for row, point in enumerate(read, start=count):
         of_meters[row, meters.index(point.meter)] = stated.get(point.meter, UNCERTIFIED_U)
     conditions = road.conditions

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.road.field import USUAL, Field, Rows, light_evenly, solve_field
 from radiometry.road.grid import GridPoint, lay_points
-from radiometry.road.observations import UNCERTIFIED_U, gather, make_rows
+from radiometry.road.observations import gather, make_rows
 from radiometry.road.reporting import find_judged
 from radiometry.road.results import ExposureTime, Plan, PlannedPoint
 from radiometry.road.rules import find_rule
@@ -98,7 +98,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
     light = np.exp(light_evenly(xy, np.array(road.site.list_lamps()))[0])
     rows, field = _foresee(road, points, dict(zip((p.name for p in points), light.tolist(), strict=True)))
     meter = next(iter(road.meters), None)
-    u = _METER_U if meter is None else UNCERTIFIED_U if meter.u_rel is None else meter.u_rel
+    u = _METER_U if meter is None else meter.assumed_u_rel
     outlook = Outlook(field, rows, judged, meter=meter.meter if meter else "", meter_u=u)
     weights = weigh_figures(light[judged])
     wanted = {"e_av": e_av_u_rel / K95, "u_0": u_0_u_rel / K95}

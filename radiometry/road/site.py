@@ -13,6 +13,9 @@ Quantity = Literal["illuminance", "luminance"]
 Figure = Literal["e_av", "e_min", "u_0", "average_to_min", "eir", "l_av", "u_o", "u_l", "f_ti"]
 
 LANES = "lanes"
+UNCERTIFIED_U = 0.05
+"""Relative standard uncertainty of a meter without a certificate."""
+
 PLACES_M, LENGTHS_M, SHARES = (-10_000.0, 10_000.0), (0.1, 1_000.0), (0.001, 1.0)
 _NEIGHBOURS = 4
 
@@ -161,6 +164,10 @@ class Meter(Record):
     meter: str = about("Identity; the same as behind K if it is the same instrument.")
     u_rel: float | None = about("Relative standard uncertainty by its certificate; None without one.")
 
+    @property
+    def assumed_u_rel(self) -> float:
+        return UNCERTIFIED_U if self.u_rel is None else self.u_rel
+
 
 class ControlPoint(Record):
     """Readings of a meter at one place on the road."""
@@ -218,9 +225,12 @@ class Scale(Record):
 
     #: Relative standard uncertainty of the luminance, without the meter's part and the spectral mismatch
     u_rel: float
-    #: Meter behind K, and its relative standard uncertainty
-    meter: str | None = None
-    meter_u_rel: float = 0.0
+    meter: Meter | None = None  #: Behind K
     spectral_u_rel: float = 0.1  #: Relative standard uncertainty of the spectral mismatch
     lamp_kind: LampKind | None = None  #: Of the lamp that K was made with
     frame_u_rel: float = 0.0  #: Scatter of a frame's luminances as a whole, each on its own
+
+    @property
+    def total_u_rel(self) -> float:
+        meter = self.meter.assumed_u_rel if self.meter else 0.0
+        return math.hypot(self.u_rel, meter, self.spectral_u_rel)

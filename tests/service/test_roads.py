@@ -162,6 +162,8 @@ def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
         "u_0": "conforms",
     }
     assert {each["state"] for each in evaluated["control"]} == {"agrees"}
+    # nobody stated a certificate of the meter behind this K
+    assert ("road_meter_uncertified", "K") in {(each["flag"], each["where"]) for each in evaluated["flags"]}
     (used,) = {(each["calibration_state"], each["lens"]) for each in evaluated["frames"]}
     assert used == ("published", "none")
     assert all(each["certificate"] for each in evaluated["frames"])

@@ -16,7 +16,7 @@ from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.road.placing import Camera, Mark, Placement, PlainCamera, place_frame
 from radiometry.road.results import RoadResult
-from radiometry.road.site import Reading, Scale, Site
+from radiometry.road.site import Meter, Reading, Scale, Site
 from radiometry.specification.application import SurfaceApplication
 from radiometry.spectral import mismatch
 from store.codec import read_applied
@@ -150,7 +150,7 @@ class RoadReader:
 
 def choose_scale(scales: Sequence[Scale]) -> Scale:
     """Return the scale of the largest uncertainty."""
-    return max(scales, key=lambda each: math.hypot(each.u_rel, each.meter_u_rel, each.spectral_u_rel))
+    return max(scales, key=lambda each: each.total_u_rel)
 
 
 def draw_road(view: View, luminances: Sequence[Array], result: RoadResult) -> tuple[bytes, dict[str, Any]]:
@@ -181,8 +181,8 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
     named = {f"{m['make']} {m['model']} {m['serial']}" for m in meters if m["kind"] == "luminance"}
     return Scale(
         u_rel=math.hypot(*shared.values()),
-        meter=min(named, default=None),
-        meter_u_rel=meter_u_rel,
+        # of a meter without a certificate K has no such part
+        meter=Meter(meter=min(named, default="the meter of K"), u_rel=meter_u_rel or None),
         spectral_u_rel=spectral_u_rel,
         lamp_kind=lit.lamp_kind if lit else None,
     )

@@ -32,7 +32,7 @@ from radiometry.road.site import (
 EN = "EN 13201-2:2015"
 # luminance factors at nadir, from dark asphalt to light concrete
 PAVEMENTS = (0.07, 0.085, 0.10, 0.115, 0.13, 0.15, 0.18, 0.22)
-SCALE = Scale(u_rel=0.015, meter="K-meter", meter_u_rel=0.02, spectral_u_rel=0.1)
+SCALE = Scale(u_rel=0.015, meter=Meter(meter="K-meter", u_rel=0.02), spectral_u_rel=0.1)
 
 
 @dataclasses.dataclass
@@ -171,7 +171,7 @@ def survey(
         meters=(Meter(meter="lux", u_rel=0.02),),
     )
     if same_meter:
-        scale = dataclasses.replace(scale, meter="lux")
+        scale = dataclasses.replace(scale, meter=Meter(meter="lux", u_rel=0.02))
     names = [p.name for p in points] + [c.name for c in control]
     readings = [
         Reading(place=n, frame="a", luminance_cd_m2=float(v), u_rel=noise, view_deg=10.0, place_u_m=0.0)

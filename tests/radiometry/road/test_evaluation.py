@@ -10,7 +10,7 @@ from radiometry.findings import InputRejected
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.field import Rows, light_evenly, solve_field
 from radiometry.road.results import Model
-from radiometry.road.site import Conditions, Criterion
+from radiometry.road.site import Conditions, Criterion, Meter
 from tests.radiometry.road.simulated import SCALE, draw_road, survey
 
 
@@ -86,7 +86,7 @@ def test_the_meter_behind_k_is_worth_less_at_the_points():
     road, points, readings, _, _ = survey(truth, np.random.default_rng(3), spectral=0.0, rho_u=0.005)
     u_rel = {}
     for meter in ("lux", "another"):
-        scale = dataclasses.replace(known, meter=meter)
+        scale = dataclasses.replace(known, meter=Meter(meter=meter, u_rel=0.02))
         figure = get_figure(evaluate_road(road, points, readings, scale=scale), "e_av")
         u_rel[meter] = figure.standard_uncertainty / figure.value
     assert u_rel["lux"] > 1.1 * u_rel["another"]
@@ -159,6 +159,9 @@ def test_conditions_are_flagged_or_refused(surveyed, result):
     sided = [dataclasses.replace(each, y_m=1.0 + 0.1 * n) for n, each in enumerate(road.control)]
     assert "road_points_one_sided" in change(surveyed, control=tuple(sided))
     assert "road_meter_uncertified" in change(surveyed, meters=())
+    assert "road_meter_uncertified" in change(
+        surveyed, scale=dataclasses.replace(SCALE, meter=Meter(meter="K", u_rel=None))
+    )
     hidden = tuple(each.name for each in points[:10])
     assert "road_points_hidden" in change(surveyed, hidden=hidden)
     unconfirmed = dataclasses.replace(road.requirement, confirmed=None)
