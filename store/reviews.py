@@ -87,13 +87,29 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     return Assessment(
         missing=group_causes(fits.list_missing(campaign, fitted, stated), shared.FIT_INCOMPLETE),
         advice=group_causes(
-            () if fitted.outdated else spec.plan(every.frames, every.readings, usable), shared.COULD_IMPROVE
+            [
+                *_name_other_lenses(frames, verdicts),
+                *(() if fitted.outdated else spec.plan(every.frames, every.readings, usable)),
+            ],
+            shared.COULD_IMPROVE,
         ),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
         verdicts=verdicts,
         findings=group_findings(found),
         record=read_record(session, campaign, fitted),
     )
+
+
+def _name_other_lenses(rows: Sequence[FrameColumns], verdicts: Mapping[str, Verdict]) -> Iterator[Cause]:
+    """Name the frames of another lens, by which a fit would go wrong in silence."""
+    found: dict[str, list[str]] = {}
+    for row in rows:
+        for reason in verdicts[row.id].reasons:
+            if reason.code is shared.LENS_DIFFERS:
+                found.setdefault(reason.detail, []).append(row.filename)
+    for detail, names in found.items():
+        subjects = tuple(f"frame {name}" for name in names)
+        yield Cause(f"{name_few('frame', names)}: {detail}", shared.LENS_DIFFERS, subjects)
 
 
 def _list_reasons(rows: Sequence[FrameColumns], verdicts: Mapping[str, Verdict]) -> Iterator[Occurrence]:

@@ -258,7 +258,7 @@ def _find_usual_lens(frames: Sequence[ReviewedFrame]) -> str:
 def _inspect_lens(frame: ReviewedFrame, usual: str) -> list[Reason]:
     if frame.lens == usual or not _shows_lens(frame):
         return []
-    detail = f"Its file names the lens {frame.lens}, most others name {usual}. {shared.LENS_DIFFERS.remedy}"
+    detail = f"The file names the lens {frame.lens}, most others name {usual}. {shared.LENS_DIFFERS.remedy}"
     return [shared.LENS_DIFFERS.reason(detail)]
 
 

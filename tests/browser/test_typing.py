@@ -189,6 +189,21 @@ def test_a_reading_that_its_frames_speak_against_is_needed_before_the_fit(page, 
     page.context.complaints.clear()
 
 
+@WIDE
+def test_frames_of_another_lens_are_named_before_the_fit(page, team, service, tmp_path):
+    campaign = push(service, team, tmp_path)
+    path = write_frame(
+        tmp_path / "other.DNG", signal_dn=1200.0, seed=77, exposure_time_s=0.011, iso=3200, lens_serial="L2"
+    )
+    service.wait_for_jobs([team.client.push(campaign.id, path, role="light", scene="Scene 1").id])
+    come(page, campaign)
+    line = page.locator("#before").get_by_role("listitem").filter(has_text="The file names the lens")
+    expect(line).to_have_count(1)
+    expect(line).to_contain_text("other.DNG")
+    expect(line).to_contain_text("L2, most others name")
+    expect(line.get_by_role("link", name="Show frames")).to_be_visible()
+
+
 def push(service, team, folder):
     """The same levels as raw frames, two of each."""
     campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)

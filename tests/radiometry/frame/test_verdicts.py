@@ -40,7 +40,7 @@ def test_another_lens_is_named_unless_it_was_covered():
         [],
         [],
     ]
-    assert "the lens 25mm L2, most others name 15mm L1" in found["2"][0].detail
+    assert "The file names the lens 25mm L2, most others name 15mm L1" in found["2"][0].detail
 
 
 def reason(outcome, code=shared.UNEVEN):

@@ -9,7 +9,7 @@ const FRAMES = ["frames", "Add frames"];
 const OF_READINGS = ["reading_missing", "reading_off", "reading_far_from_frames", "reading_without_frames", "meter_repeatability_estimated", "meter_certificate_missing", "lamp_drift", "rho_cross_check"];
 /** By the code of a cause, the part of the campaign's page that mends it; frames mend the others. */
 const PARTS = {
-  no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"],
+  no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"], lens_differs: ["frames", "Show frames"],
   panel_unknown: [PANEL, "Choose panel…"], panel_uncertainty_missing: [PANEL, "Choose panel…"],
   ...Object.fromEntries(OF_READINGS.map((code) => [code, ["readings", "Enter readings"]])),
 };
