@@ -21,7 +21,17 @@ from service.jobs import schemas, watch
 from store import audit, jobs
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
-from store.tables import Calibration, Campaign, FrameRow, Job, JobKind, JobState, Measurement, Organisation
+from store.tables import (
+    Calibration,
+    Campaign,
+    FrameRow,
+    Job,
+    JobKind,
+    JobState,
+    Measurement,
+    Organisation,
+    Road,
+)
 
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
@@ -53,7 +63,7 @@ def list_jobs(
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
     subject: Annotated[
         models.Text | None,
-        Query(description="Only those on this frame or campaign, or that made this version or measurement."),
+        Query(description="Those on this frame, campaign or road, or that made this version or measurement."),
     ] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
@@ -66,7 +76,9 @@ def list_jobs(
         rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
     with context.database.reading() as session:
         if subject is not None:
-            row = lookup.find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
+            row = lookup.find_owned(
+                session, (FrameRow, Campaign, Calibration, Measurement, Road), subject, caller
+            )
             mine = Job.subject_id == subject
             rows = rows.where(select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
         return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)

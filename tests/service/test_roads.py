@@ -167,6 +167,8 @@ def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
     (used,) = {(each["calibration_state"], each["lens"]) for each in evaluated["frames"]}
     assert used == ("published", "none")
     assert all(each["certificate"] for each in evaluated["frames"])
+    jobs = house.get(f"/v1/jobs?subject={evaluated['road_id']}")["items"]
+    assert [(each["kind"], each["state"]) for each in jobs] == [("measure", "succeeded")]
     again = evaluate(house, {"id": evaluated["road_id"]})
     assert (again["number"], again["content_sha256"]) == (1, evaluated["content_sha256"])
 
