@@ -177,7 +177,8 @@ def test_a_connection_that_is_cut_is_taken_up_again(stilb_command, team, campaig
 def test_killed_in_the_middle_it_goes_on_and_sends_nothing_twice(signed_in, campaign, card, team, live):
     """The service lets only some uploads come to their end before the laptop's battery is pulled."""
     command = [sys.executable, "-m", "stilb", "push", str(card), "--campaign", campaign.id]
-    with line_to(team.url) as line, _stopping(live, after=4) as stopped:
+    # the line ends first: what it still carries is held as well
+    with _stopping(live, after=4) as stopped, line_to(team.url) as line:
         process = subprocess.Popen(
             [*command, "--url", line.url, "--key", team.key], stderr=subprocess.DEVNULL
         )
