@@ -16,6 +16,11 @@ STATISTICS_FROM_TABLE = flag(
 PIXELS_MISSING = error(
     "The frame is a row of a table, which has no pixels to measure.", "Send the camera's raw file."
 )
+HEIGHT_UNUSABLE = error(
+    "The height above the ground is stated twice, or the ground does not lie below the file's altitude.",
+    "State either `height_above_ground_m`, or `ground_altitude_m` in the height system of the file's "
+    "altitude.",
+)
 EXPOSURE_NOT_MANUAL = warn(
     "The camera chose the exposure; the procedure asks for manual exposure.",
     "Set the exposure mode to manual and automatic ISO off, and take the frame again.",

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from radiometry.frame import pose
 from radiometry.reflectance import codes, indices, measurement, method, presentation, results, sun, sunshine
 from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.findings import judge, plan, review_frame
@@ -55,7 +56,7 @@ SPEC: Final = MethodSpec(
         quantity="reflectance",
         unit="1",
         options=("incidence_angle_deg", "index", "quantity"),
-        conditions=sun.GroundHeight,
+        conditions=pose.GroundHeight,
         summarise=measurement.summarise,
         read_formula=indices.read_formula,
         align_band=indices.align_band,

@@ -238,10 +238,4 @@ BANDS_NOT_ALIGNED = error(
     "`RigRelatives` and too few edges agree between them.",
     "Align them with photogrammetry software and compute the index there.",
 )
-HEIGHT_UNUSABLE = error(
-    "The height above the ground is stated twice, or the ground does not lie below the file's altitude.",
-    "State either `height_above_ground_m`, or `ground_altitude_m` in the height system of the file's "
-    "altitude.",
-)
-
 FINDINGS = declare(globals())

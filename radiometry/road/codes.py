@@ -11,7 +11,7 @@ ROAD_RULE_UNKNOWN = error(
     "Choose one of `GET /v1/road-rules`, or state your own `criteria`.",
 )
 PLACE_UNDETERMINED = error(
-    "The points that are marked in a frame do not place it on the road.",
+    "Neither marked points nor its own position place a frame on the road.",
     "Mark four or more points of the road that surround the field, no three on one line.",
 )
 ROAD_WET = error(
@@ -64,7 +64,7 @@ ROAD_VIEW_STEEP = flag_measurement(
 )
 ROAD_PLACE_UNSURE = flag_measurement(
     "The places of the points are less certain than a third of their distance.",
-    "Mark more points of the road around the field, and measure them better.",
+    "Mark four or more points of the road around the field in every frame, and measure their places better.",
 )
 ROAD_POINTS_HIDDEN = flag_measurement(
     "More than a tenth of the points are hidden: their light is predicted from their neighbours.",

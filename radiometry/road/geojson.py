@@ -8,24 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.pose import measure_degree
 from radiometry.road import codes
 from radiometry.road.results import RoadResult
 from radiometry.road.site import Area, Origin, Row, Site, Strip
 
 Array = NDArray[np.float64]
 
-_EQUATOR_M, _SQUARED_ECCENTRICITY = 6378137.0, 0.00669437999014
 
-
-def _scale_degrees(origin: Origin) -> Array:
-    """Return the metres of a degree of longitude and of latitude on the ellipsoid of WGS 84."""
-    latitude = math.radians(origin.latitude_deg)
-    root = math.sqrt(1.0 - _SQUARED_ECCENTRICITY * math.sin(latitude) ** 2)
-    north = _EQUATOR_M * (1.0 - _SQUARED_ECCENTRICITY) / root**3
-    return np.radians([_EQUATOR_M / root * math.cos(latitude), north])
-
-
-def _turn(origin: Origin) -> Array:
+def turn_axes(origin: Origin) -> Array:
     """Return the east and north of x and of y, as columns."""
     bearing, side = math.radians(origin.bearing_deg), 1.0 if origin.y_to_the_right else -1.0
     x = np.array([math.sin(bearing), math.cos(bearing)])
@@ -36,14 +27,20 @@ def place_on_earth(site: Site, xy_m: Array) -> Array:
     """Return longitude and latitude of places on a road, (n, 2) [deg]; in metres without an origin."""
     if site.origin is None:
         return xy_m
-    east_north = xy_m @ _turn(site.origin).T
-    return east_north / _scale_degrees(site.origin) + (site.origin.longitude_deg, site.origin.latitude_deg)
+    return xy_m @ turn_axes(site.origin).T / _measure_degree(site.origin) + _start(site.origin)
 
 
 def place_on_road(origin: Origin, lonlat_deg: Array) -> Array:
     """Return places on a road of longitudes and latitudes, (n, 2) [m]."""
-    apart = (lonlat_deg - (origin.longitude_deg, origin.latitude_deg)) * _scale_degrees(origin)
-    return np.asarray(apart @ _turn(origin))
+    return np.asarray((lonlat_deg - _start(origin)) * _measure_degree(origin) @ turn_axes(origin))
+
+
+def _start(origin: Origin) -> tuple[float, float]:
+    return origin.longitude_deg, origin.latitude_deg
+
+
+def _measure_degree(origin: Origin) -> Array:
+    return measure_degree(origin.latitude_deg)[::-1]
 
 
 def write_site(site: Site) -> dict[str, Any]:

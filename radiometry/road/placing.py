@@ -1,5 +1,6 @@
 """Place of a frame over a road: from marked points, or from the frame's own place."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, cast
 
@@ -8,11 +9,13 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.frame.opencv import cv2
+from radiometry.frame.pose import Pose
 from radiometry.frame.roi import Polygon
 from radiometry.records import Record, about
 from radiometry.road import codes
+from radiometry.road.geojson import place_on_road, turn_axes
 from radiometry.road.grid import outline_points
-from radiometry.road.site import PLACES_M
+from radiometry.road.site import PLACES_M, Origin
 
 Array = NDArray[np.float64]
 
@@ -20,7 +23,8 @@ FEWEST_MARKS = 4
 MARK_U_PX = 1.0
 _ITERATIONS = 20
 _WORST_CONDITION = 1e7
-_STEP_PX = 0.5
+# Standard uncertainty of a nominal focal length, what a lens bends included, relative
+NOMINAL_FOCAL_U = 0.02
 
 
 class Camera(Protocol):
@@ -152,6 +156,48 @@ def place_frame(marks: Sequence[Mark], camera: Camera) -> Placement:
     excess = max(1.0, float(residual @ residual) / dof) if dof else 1.0
     inverse = np.linalg.inv((design / sizes).T @ (design / sizes)) / np.outer(sizes, sizes)
     return Placement(h=h, covariance=excess * inverse, camera=camera)
+
+
+def place_by_pose(pose: Pose, origin: Origin, camera: Camera, *, focal_u_rel: float = 0.0) -> Placement:
+    """Place a frame by its camera's own place and attitude over a level road.
+
+    With the turn T of the camera's axes into north, east and down, axes N of the road in north and east, and
+    the camera at c on the road and z above it::
+
+        h ~ T' [[N, -N c], [0, 0, z]]
+
+    Its covariance is that of position, height, attitude and focal length, by their changes of h.
+
+    Parameters
+    ----------
+    pose : Pose
+        Place and attitude with their uncertainties.
+    origin : Origin
+        Place of the road on the earth.
+    camera : Camera
+        Camera of the frame.
+    focal_u_rel : float, optional
+        Relative standard uncertainty of its focal length.
+    """
+    axes = turn_axes(origin)[::-1]
+    above = axes @ place_on_road(origin, np.array([(pose.longitude_deg, pose.latitude_deg)]))[0]
+    level = math.radians(pose.u_tilt_deg)
+    u = np.array([pose.u_north_m, pose.u_east_m, pose.u_height_m, level, level, math.radians(pose.u_yaw_deg)])
+
+    def project(moved: Array, focal_rel: float = 0.0) -> Array:
+        ground = np.zeros((3, 3))
+        ground[:2, :2], ground[:2, 2], ground[2, 2] = axes, -above - moved[:2], pose.height_m + moved[2]
+        h = (cv2.Rodrigues(moved[3:])[0] @ pose.turn).T @ ground
+        h[:2] *= 1.0 + focal_rel
+        if not abs(h[2, 2]) > 0.0:
+            raise codes.PLACE_UNDETERMINED.refuse("The camera looks past the road.")
+        return np.asarray(h / h[2, 2], np.float64)
+
+    middle = project(np.zeros(6))
+    ends = [(project(move), project(-move)) for move in np.diag(u)]
+    ends.append((project(np.zeros(6), focal_u_rel), project(np.zeros(6), -focal_u_rel)))
+    changes = np.array([(up - down).ravel()[:8] / 2.0 for up, down in ends])
+    return Placement(h=middle, covariance=changes.T @ changes, camera=camera)
 
 
 def _straighten(camera: Camera, places_px: Array) -> Array:

@@ -40,12 +40,19 @@ class NewMark(models.model_of(placing.Mark, Form)):  # type: ignore[misc]
 
 
 class RoadFrame(Form, Answer):
-    """A frame of the road, placed by what was marked in it."""
+    """A frame of the road, placed by what was marked in it, else by the place that its file states."""
 
     frame_id: Text
-    marks: list[NewMark] = told(
-        "Points of the road in the picture, which surround the field.", min_length=4, max_length=200
+    marks: list[NewMark] | None = maybe(
+        "Points of the road in the picture, which surround the field. Without them, the frame is placed by "
+        "its file's position, height and attitude, and the site's `origin`.",
+        min_length=4,
+        max_length=200,
     )
+    height_above_ground_m: Annotated[Number, Field(gt=0, le=1e4)] | None = maybe(
+        "Of the camera, for a frame without marks; else that above take-off."
+    )
+    height_u_m: Annotated[Number, Field(gt=0, le=1e3)] | None = maybe("Its standard uncertainty.")
 
 
 class RoadPoint(Form, Answer):

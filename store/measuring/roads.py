@@ -8,11 +8,14 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import shared
+from radiometry.frame.pose import GroundHeight, find_pose
+from radiometry.road import codes
 from radiometry.road.site import Road as StatedRoad
+from radiometry.road.site import Site
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store import files, software
 from store.blobs import StoredBlob
-from store.codec import decode_exposure, encode, read_applied
+from store.codec import decode_exposure, decode_header, encode, read_applied
 from store.measuring.plan import read_proof, require_read, require_whole
 from store.measuring.version import choose_version, find_falloff, read_lens
 from store.publications import in_force
@@ -25,10 +28,13 @@ RESULT_SCHEMA = 1
 def plan_evaluation(session: Session, row: Road, stated: StatedRoad) -> Json:
     """Return the parameters of the job: what is decided here cannot change while it waits."""
     clocks = FrameClocks(session)
-    return {"road": encode(stated), "frames": [_plan_frame(session, clocks, each) for each in row.frames]}
+    return {
+        "road": encode(stated),
+        "frames": [_plan_frame(session, clocks, each, stated.site) for each in row.frames],
+    }
 
 
-def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
+def _plan_frame(session: Session, clocks: FrameClocks, stated: Json, site: Site) -> Json:
     frame = session.get_one(FrameRow, stated["frame_id"])
     campaign = session.get_one(Campaign, frame.campaign_id)
     require_read(frame, campaign.method)
@@ -45,6 +51,8 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
     geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
     focal_mm, pitch_um = campaign.focal_length_mm, session.get_one(Camera, campaign.camera_id).pixel_pitch_um
+    focal_px = 1e3 * focal_mm / pitch_um if focal_mm and pitch_um else None
+    pose = {} if "marks" in stated else {"pose": _find_pose(frame, stated, site, geometry or focal_px)}
     return {
         **stated,
         "sha256": frame.sha256,
@@ -52,8 +60,23 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json) -> Json:
         "why": why,
         **({falloff.method: {"calibration_id": falloff.id}} if falloff else {}),
         **({"geometry_id": geometry.id} if geometry else {}),
-        **({"focal_px": 1e3 * focal_mm / pitch_um} if focal_mm and pitch_um else {}),
+        **({"focal_px": focal_px} if focal_px else {}),
+        **pose,
     }
+
+
+def _find_pose(frame: FrameRow, stated: Json, site: Site, optics: Calibration | float | None) -> Json:
+    """Return the own place of a frame without marks, as far as all that it takes is known."""
+    heights = {name: each for name, each in stated.items() if name.startswith("height_")}
+    found = find_pose(decode_header(frame.header or {}), GroundHeight(**heights))
+    if site.origin is None:
+        found = "the site has no origin"
+    if optics is None:
+        found = "the camera has no geometry in force, and its focal length and pixel pitch are not stated"
+    if isinstance(found, str):
+        raise codes.PLACE_UNDETERMINED.refuse(f"Frame {frame.filename} has no marks, and {found}.")
+    kept: Json = encode(found)
+    return kept
 
 
 def _find_geometry(

@@ -8,6 +8,7 @@ import numpy as np
 import pypdf
 import pytest
 
+from tests.support.frames import place_frame
 from tests.support.roads import (
     MARKS,
     METER,
@@ -22,6 +23,7 @@ from tests.support.roads import (
     illuminate,
     list_points,
     state_road,
+    write_road_frame,
 )
 
 pytestmark = pytest.mark.either_database
@@ -184,6 +186,52 @@ def test_the_view_follows_from_the_optics_that_are_stated(house, road):
     far_m = math.hypot(SPACING_M / 2 - 1.5, WIDTH_M / 2 - 0.5)
     view_deg = evaluate(house, road)["grid"]["view_deg"]
     assert view_deg == pytest.approx(math.degrees(math.atan(far_m / height_m)), abs=1.0)
+
+
+def test_a_frame_without_marks_is_placed_by_its_own_position(house, road):
+    """50 m above the middle of the field at 16 px/m: 800 px are 4 mm of 5 um; x runs to the east."""
+    origin = {"longitude_deg": 8.5, "latitude_deg": 47.0, "bearing_deg": 90.0, "y_to_the_right": True}
+    place = {"latitude_deg": 47.0 - WIDTH_M / 2 / 111_174.0, "longitude_deg": 8.5 + SPACING_M / 2 / 76_056.0}
+    dji = {"GimbalYawDegree": "0", "GimbalPitchDegree": "-90", "GimbalRollDegree": "0"}
+    night = house.get(f"/v1/frames/{road['frames'][0]['frame_id']}")["campaign_id"]
+    content = place_frame(
+        write_road_frame(house.folder, seed=7).read_bytes(),
+        **place,
+        altitude_m=480.0,
+        **dji,
+        RelativeAltitude="+50.0",
+        RtkFlag="50",
+        RtkStdLat="0.02",
+        RtkStdLon="0.02",
+        RtkStdHgt="0.03",
+    )
+    frame_id = house.upload({"id": night}, content, role="field")["id"]
+    house.work()
+    path = f"/v1/roads/{road['id']}"
+
+    def refuse(words):
+        answer = house.http.post(f"{path}/evaluate")
+        assert (answer.status_code, answer.json()["code"]) == (422, "place_undetermined")
+        assert words in answer.json()["detail"]
+
+    house.http.patch(path, json={"frames": [{"frame_id": frame_id, "height_u_m": 0.2}]})
+    refuse("its focal length and pixel pitch are not stated")
+    camera = house.get(f"/v1/campaigns/{night}")["camera_id"]
+    house.http.patch(f"/v1/cameras/{camera}", json={"pixel_pitch_um": 5.0})
+    house.http.patch(f"/v1/campaigns/{night}", json={"focal_length_mm": 4.0})
+    refuse("the site has no origin")
+    stated = house.http.patch(path, json={"site": SITE | {"origin": origin}})
+    assert stated.json()["frames"] == [{"frame_id": frame_id, "height_u_m": 0.2}]
+    result = evaluate(house, road)
+    truth = np.array([float(illuminate(each["x_m"], each["y_m"])) for each in result["points"]])
+    assert figures(result)["e_av"]["low"] < truth.mean() < figures(result)["e_av"]["high"]
+    # 0.02 m, 1 degree of 50 m, and 3 degrees of yaw 13.5 m from the middle
+    assert result["grid"]["place_u_m"] == pytest.approx(math.hypot(0.02, 0.87, 0.72), rel=0.1)
+    assert result["grid"]["view_deg"] == pytest.approx(
+        math.degrees(math.atan(math.hypot(13.5, 2.5) / 50)), abs=0.1
+    )
+    flag = next(each for each in result["findings"] if each["code"] == "road_place_unsure")
+    assert "Mark four or more points" in flag["action"]
 
 
 def test_a_wrong_control_point_is_named_and_not_used(house, road):

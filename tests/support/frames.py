@@ -55,8 +55,10 @@ def write_raw(
     return path
 
 
-def place_frame(content: bytes, *, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bytes:
-    """The same file with a GPS directory, and a first directory that points to it; both at its end."""
+def place_frame(
+    content: bytes, *, latitude_deg: float, longitude_deg: float, altitude_m: float, **dji: str
+) -> bytes:
+    """The same file with a GPS directory, DJI's XMP, and a first directory that points to them at its end."""
     place = len(content) + len(content) % 2
     entries = [
         struct.pack("<HHI4s", 1, 2, 2, b"S" if latitude_deg < 0 else b"N"),
@@ -70,10 +72,19 @@ def place_frame(content: bytes, *, latitude_deg: float, longitude_deg: float, al
     for degrees in (latitude_deg, longitude_deg):
         gps += struct.pack("<IIIIII", round(abs(degrees) * 1e6), 10**6, 0, 1, 0, 1)
     gps += struct.pack("<II", round(abs(altitude_m) * 1000), 1000)
+    stated = "".join(f' drone-dji:{name}="{value}"' for name, value in dji.items())
+    xmp = (
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        f'<rdf:Description xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"{stated}/></rdf:RDF></x:xmpmeta>'
+    ).encode()
+    xmp += b" " * (len(xmp) % 2)
+    packet = [struct.pack("<HHII", 700, 1, len(xmp), place + len(gps))] if dji else []
+    gps += xmp
     (first,) = struct.unpack_from("<I", content, 4)
     (count,) = struct.unpack_from("<H", content, first)
     old = [content[first + 2 + 12 * n : first + 14 + 12 * n] for n in range(count)]
-    new = sorted([*old, struct.pack("<HHII", 34853, 4, 1, place)], key=lambda e: struct.unpack("<H", e[:2]))
+    pointers = [struct.pack("<HHII", 34853, 4, 1, place), *packet]
+    new = sorted([*old, *pointers], key=lambda e: struct.unpack("<H", e[:2]))
     directory = struct.pack("<H", len(new)) + b"".join(new) + bytes(4)
     moved = content[:4] + struct.pack("<I", place + len(gps)) + content[8:].ljust(place - 8, b"\0")
     return moved + gps + directory

@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, files
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import lay_points
-from radiometry.road.placing import Mark
 from radiometry.road.rules import find_rule
 from radiometry.road.site import Road as StatedRoad
 from store import jobs
@@ -72,7 +71,7 @@ def _read_frame(context: Context, reader: RoadReader, named: Json) -> Seen:
                 parameters=named,
                 report=lambda _share: None,
             )
-            return reader.read(task, decode(tuple[Mark, ...], named["marks"]), geometry)
+            return reader.read(task, geometry)
     except DecoderCrashed as crash:
         context.files.prove(frame.sha256)
         raise InputRejected(files.DECODER_CRASHED, crash.message) from crash

@@ -13,7 +13,8 @@ from radiometry.findings import InputRejected
 from radiometry.frame import PositionFix, StatedAngle
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.place import Place
-from radiometry.reflectance.sun import GroundHeight, find_place, locate_sun
+from radiometry.frame.pose import GroundHeight
+from radiometry.reflectance.sun import find_place, locate_sun
 from tests.support import reader
 from tests.support.data import data_file
 from worker.maps.tiff import MapFacts, encode_band, write_tiff

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from radiometry.findings import InputRejected
 from radiometry.frame.opencv import cv2
+from radiometry.frame.pose import Pose
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.road.placing import Mark, place_frame
+from radiometry.road.placing import Mark, PlainCamera, place_by_pose, place_frame
+from radiometry.road.site import Origin
 
 CAMERA = CameraModel(
     height_px=3956, width_px=5280, fx_px=4573.0, fy_px=4573.0, cx_px=2650.0, cy_px=1960.0, k1=-0.02, k2=0.01
@@ -61,3 +64,75 @@ def test_stated_uncertainty_of_places_is_what_they_scatter():
 def test_too_few_points_or_points_on_a_line_are_refused(places):
     with pytest.raises(InputRejected, match="points"):
         place_frame(mark(places, look(places)), CAMERA)
+
+
+# a degree of latitude has 111 174 m at 47 degrees north, one of longitude 76 056 m (WGS 84)
+ORIGIN = Origin(longitude_deg=8.5, latitude_deg=47.0, bearing_deg=90.0)
+NORTH_M, EAST_M = 111_174.0, 76_056.0
+
+
+def make_pose(north_m, east_m, height_m, angles_deg, **u):
+    known = {"u_north_m": 0.05, "u_east_m": 0.1, "u_height_m": 0.5, "u_tilt_deg": 0.3, "u_yaw_deg": 1.0}
+    place = 47.0 + north_m / NORTH_M, 8.5 + east_m / EAST_M
+    return Pose(
+        **dict(zip(("latitude_deg", "longitude_deg"), place, strict=True)),
+        **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles_deg, strict=True)),
+        height_m=height_m,
+        height_source="request",
+        mount="gimbal",
+        **known | u,
+    )
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "right", "yaw_deg", "turned"),
+    [
+        (90.0, False, 0.0, ((1, 0), (0, -1))),  # x in the east, y in the north: right and up
+        (90.0, True, 0.0, ((1, 0), (0, 1))),
+        (0.0, False, 0.0, ((0, -1), (-1, 0))),  # x in the north, y in the west: up and left
+        (90.0, False, 90.0, ((0, -1), (-1, 0))),  # the upper edge in the east
+    ],
+)
+def test_a_frame_from_straight_above_by_hand(bearing_deg, right, yaw_deg, turned):
+    """50 m above x = 10 m, y = 2 m, 20 px/m about the middle, (500, 400)."""
+    origin = Origin(longitude_deg=8.5, latitude_deg=47.0, bearing_deg=bearing_deg, y_to_the_right=right)
+    across = -2.0 if right else 2.0
+    north, east = (across, 10.0) if bearing_deg else (10.0, -across)
+    camera = PlainCamera(focal_px=1000.0, height_px=800, width_px=1000)
+    placed = place_by_pose(make_pose(north, east, 50.0, (yaw_deg, -90.0, 0.0)), origin, camera)
+    seen = placed.to_image(np.array([(10.0, 2.0), (15.0, 2.0), (10.0, 4.0)]))
+    assert seen == pytest.approx(
+        np.array([(500, 400), *(500, 400) + 20 * np.array(turned) * [[5], [2]]]), abs=0.02
+    )
+    assert placed.find_views(np.array([(10.0, 2.0), (60.0, 2.0)])) == pytest.approx([0.0, 45.0], abs=0.01)
+    # straight below 0.3 degrees of 50 m and 0.1 m; 30 m from there also 1 degree of yaw
+    below, far = placed.estimate_u_m(np.array([(10.0, 2.0), (40.0, 2.0)]))
+    assert below == pytest.approx(np.hypot(0.1, 50 * np.radians(0.3)), rel=0.01)
+    assert far > np.hypot(below, 30 * np.radians(1.0)) * 0.97
+
+
+def test_stated_uncertainty_of_a_leaning_pose_holds_its_errors():
+    """The truth by projections of its own: axes of the camera from its angles, and a lens 2 % longer."""
+    random, others = np.random.default_rng(8), np.array([(4.0, 1.0), (20.0, 5.0), (32.0, 2.0)])
+    errors, stated = [], []
+    for _ in range(300):
+        lean = random.uniform((0, -100, -8), (360, -80, 8))
+        placed = place_by_pose(make_pose(3.0, 17.0, 60.0, lean), ORIGIN, CAMERA, focal_u_rel=0.02)
+        north, east, height = random.normal((3.0, 17.0, 60.0), (0.05, 0.1, 0.5))
+        axes = Rotation.from_rotvec(np.radians(random.normal(0.0, (0.3, 0.3, 1.0)))) * Rotation.from_euler(
+            "ZYX", lean, degrees=True
+        )
+        forward, right, down = axes.as_matrix().T
+        apart = np.column_stack([others[:, 1] - north, others[:, 0] - east, np.full(3, height)])
+        ideal = (apart @ np.column_stack([right, down]) / (apart @ forward)[:, None]) * random.normal(
+            1.0, 0.02
+        )
+        rays = np.column_stack([ideal, np.ones(3)])
+        seen = project(CAMERA, rays, np.eye(3), np.zeros(3))[:, ::-1] + 0.5
+        errors.append(placed.to_road(seen) - others)
+        stated.append(placed.estimate_u_m(others))
+    error, u = np.array(errors), np.array(stated)
+    # of 900 distances from two axes, the larger of which has u: 86 to 95 % within 2 u, as the other is 0 to u
+    assert 0.86 < np.mean(np.linalg.norm(error, axis=2) < 2.0 * u) < 0.97
+    assert np.sqrt(np.mean(error**2, axis=(0, 1))).max() <= 1.1 * np.sqrt(np.mean(u**2))
+    assert np.sqrt(np.mean(np.sum(error**2, axis=2))) >= 0.9 * np.sqrt(np.mean(u**2))
