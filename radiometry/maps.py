@@ -7,7 +7,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.frame.grid import find_homography
+from radiometry.frame.grid import find_homography, map_plane
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
 from radiometry.records import Record
@@ -128,8 +128,7 @@ def place_on_road(lanes: Mapping[str, Any], xy_px: Array) -> Array | None:
         its corners grow fast.
     """
     inverse = np.linalg.inv(find_homography(lanes["marked"]))
-    seen = np.column_stack([xy_px, np.ones(len(xy_px))]) @ inverse.T
-    unit = seen[:, :2] / seen[:, 2:]
+    unit = map_plane(np.asarray(inverse, np.float64), xy_px)
     if not np.all(np.abs(unit - 0.5) <= 0.5 + _BEYOND):
         return None
     placed: Array = unit * np.array([lanes["length_m"], lanes["lanes"] * lanes["lane_width_m"]])

@@ -1,8 +1,7 @@
-"""Grids of cells over a frame, and lanes of a road."""
+"""Grids of cells over a frame, and homographies of planes."""
 
-import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,33 +34,13 @@ class Grid(Record):
         """Return the corners with each of the eight marked coordinates moved by its standard uncertainty."""
         marked = np.array(self.corners, np.float64)
         if self.marked_share is not None:
-            marked = _stretch(marked, self.marked_share)
+            marked = stretch_corners(marked, self.marked_share)
         moved = [marked + move for move in np.eye(8).reshape(8, 4, 2) * (self.corner_u_px or 0.0)]
-        return (
-            moved if self.marked_share is None else [_stretch(each, 1 / self.marked_share) for each in moved]
-        )
+        back = 1 / self.marked_share if self.marked_share is not None else None
+        return moved if back is None else [stretch_corners(each, back) for each in moved]
 
 
-POINTS_ACROSS: Final = 3  # Points across each lane (EN 13201-3)
-_FEWEST_ALONG, _WIDEST_M = 10, 3.0
 _UNIT_SQUARE: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
-
-
-class LaneGrid(Record):
-    """Lanes between two luminaires, seen in perspective."""
-
-    #: Image (x, y) [px] of a rectangle as wide as all lanes, its first side along them
-    corners: tuple[tuple[float, float], ...]
-    lanes: int
-    lane_width_m: float  #: Width of a lane and spacing of the luminaires [m]
-    spacing_m: float
-    length_m: float  #: Length of the rectangle along the lanes [m]; the field begins at its first corner
-    corner_u_px: float  #: Standard uncertainty of each coordinate of a corner [px]
-
-    @property
-    def columns(self) -> int:
-        """Number of points along: 10 up to 30 m, beyond that the fewest that are at most 3 m apart."""
-        return max(_FEWEST_ALONG, math.ceil(self.spacing_m / _WIDEST_M - 1e-9))
 
 
 def find_homography(corners: Sequence[tuple[float, float]] | Matrix) -> Matrix:
@@ -80,83 +59,23 @@ def find_homography(corners: Sequence[tuple[float, float]] | Matrix) -> Matrix:
     return np.append(solved, 1.0).reshape(3, 3)
 
 
-def lay_lanes(lanes: LaneGrid) -> Grid:
-    """Return the grid of the field between two luminaires, three rows of cells a lane.
-
-    The points of EN 13201-3 are D = S / N apart along a lane and a third of its width across, the outermost
-    half of that from the field's edges: they are the centres of the cells.
-
-    [1] EN 13201-3:2015, Road lighting, Part 3: Calculation of performance, field of calculation of luminance.
+def map_plane(h: Matrix, places: Matrix) -> Matrix:
+    """Map places (..., 2) of a plane by a homography.
 
     Parameters
     ----------
-    lanes : LaneGrid
-        Lanes and the marked rectangle.
+    h : ndarray of float64
+        Homography, (3, 3).
+    places : ndarray of float64
+        (x, y) of each place.
     """
-    corners, share = np.array(lanes.corners, np.float64), None
-    if lanes.spacing_m != lanes.length_m:
-        try:
-            corners = _stretch(corners, lanes.spacing_m / lanes.length_m)
-            share = lanes.length_m / lanes.spacing_m
-        except np.linalg.LinAlgError:  # three on one line: the grid is refused for that
-            pass
-    plain = tuple((float(x), float(y)) for x, y in corners)
-    return Grid(
-        corners=plain,
-        rows=POINTS_ACROSS * lanes.lanes,
-        columns=lanes.columns,
-        aspect=lanes.spacing_m / (lanes.lanes * lanes.lane_width_m),
-        corner_u_px=lanes.corner_u_px,
-        marked_share=share,
-    )
+    x, y = places[..., 0], places[..., 1]
+    projected = np.stack([x, y, np.ones_like(x)], axis=-1) @ h.T
+    mapped: Matrix = projected[..., :2] / projected[..., 2:]
+    return mapped
 
 
-def describe_lanes(lanes: LaneGrid) -> dict[str, Any]:
-    """Return the geometry of a field, ready for JSON: its points on the road, and how well they are known.
-
-    Parameters
-    ----------
-    lanes : LaneGrid
-        Lanes and the marked rectangle, whose corners are those of a convex quadrilateral.
-
-    Returns
-    -------
-    dict
-        ``points_m``: (x, y) along and across from the first corner, row by row; ``along_m``, ``across_m``:
-        their distances; ``point_u_m``: largest standard uncertainty of a point's place on the road, from that
-        of the corners alone.
-    """
-    rows, columns = POINTS_ACROSS * lanes.lanes, lanes.columns
-    along, across = lanes.spacing_m / columns, lanes.lane_width_m / POINTS_ACROSS
-    y, x = np.meshgrid((np.arange(rows) + 0.5) * across, (np.arange(columns) + 0.5) * along, indexing="ij")
-    points = np.stack([x, y], axis=-1)
-    size = np.array([lanes.length_m, lanes.lanes * lanes.lane_width_m])
-    seen = _project(find_homography(lanes.corners), points.reshape(-1, 2) / size)
-    variance = np.zeros(len(seen))
-    for corner in range(4):
-        for axis in range(2):
-            moved = np.array(lanes.corners, np.float64)
-            moved[corner, axis] += lanes.corner_u_px
-            inverse: Matrix = np.linalg.inv(find_homography(moved)).astype(np.float64)
-            back = _project(inverse, seen) * size
-            variance += np.sum((back - points.reshape(-1, 2)) ** 2, axis=1)
-    stated = ("lanes", "lane_width_m", "spacing_m", "length_m", "corner_u_px")
-    return {
-        **{name: getattr(lanes, name) for name in stated},
-        "marked": [list(corner) for corner in lanes.corners],
-        "along_m": along,
-        "across_m": across,
-        "points_m": np.round(points, 6).tolist(),
-        "point_u_m": float(np.sqrt(variance.max())),
-    }
-
-
-def _project(h: Matrix, points: Matrix) -> Matrix:
-    projected = np.column_stack([points, np.ones(len(points))]) @ h.T
-    return projected[:, :2] / projected[:, 2:]
-
-
-def _stretch(corners: Matrix, by: float) -> Matrix:
+def stretch_corners(corners: Matrix, by: float) -> Matrix:
     """Return the image of a rectangle ``by`` times as long from its first side on."""
-    far = _project(find_homography(corners), np.array([(by, 0.0), (by, 1.0)]))
+    far = map_plane(find_homography(corners), np.array([(by, 0.0), (by, 1.0)]))
     return np.stack([corners[0], far[0], far[1], corners[3]])

@@ -13,7 +13,7 @@ from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame import Frame, roi
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography
+from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography, map_plane
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, maps, method, pixels, results
 from radiometry.luminance.application import AppliedLuminance, Effect, apply_to_signal, find_aperture
@@ -119,12 +119,8 @@ def lay_lattice(grid: Grid) -> Array:
             f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
         )
     _require_convex(grid.corners)
-    h = find_homography(grid.corners)
-    v, u = np.meshgrid(
-        np.arange(grid.rows + 1) / grid.rows, np.arange(grid.columns + 1) / grid.columns, indexing="ij"
-    )
-    projected = np.stack([u, v, np.ones_like(u)], axis=-1) @ h.T
-    points: Array = projected[..., :2] / projected[..., 2:]
+    along, down = np.arange(grid.columns + 1) / grid.columns, np.arange(grid.rows + 1) / grid.rows
+    points = map_plane(find_homography(grid.corners), np.stack(np.meshgrid(along, down), axis=-1))
     # the given corners, free of rounding: a corner on the frame's border must not leave it
     for (row, col), corner in zip(((0, 0), (0, -1), (-1, -1), (-1, 0)), grid.corners, strict=True):
         points[row, col] = corner
@@ -235,25 +231,16 @@ def displace_cells(grid: Grid, values: Array) -> Array:
     """
     if grid.corner_u_px is None:
         return np.zeros((0, *values.shape))
-    middles = np.stack(
-        [
-            np.tile((np.arange(grid.columns) + 0.5) / grid.columns, grid.rows),
-            np.repeat((np.arange(grid.rows) + 0.5) / grid.rows, grid.columns),
-            np.ones(grid.rows * grid.columns),
-        ]
-    )
+    size = np.array([grid.columns, grid.rows])
+    middles = np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count for count in size)), axis=-1)
     back: Array = np.linalg.inv(find_homography(grid.corners)).astype(np.float64)
     along, down = (
         np.gradient(values, axis=axis) if values.shape[axis] > 1 else 0.0 * values for axis in (1, 0)
     )
     effects = []
     for moved in grid.move_corners():
-        u, v, w = back @ find_homography(moved) @ middles
-        shift_u, shift_v = (
-            size * (there / w - here).reshape(values.shape)
-            for size, there, here in zip((grid.columns, grid.rows), (u, v), middles[:2], strict=True)
-        )
-        effects.append(along * shift_u + down * shift_v)
+        shift = size * (map_plane(back @ find_homography(moved), middles) - middles)
+        effects.append(along * shift[..., 0] + down * shift[..., 1])
     return np.array(effects)
 
 

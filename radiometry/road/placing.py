@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from radiometry.frame.grid import map_plane
 from radiometry.frame.opencv import cv2
 from radiometry.frame.pose import Pose
 from radiometry.frame.roi import Polygon
@@ -82,7 +83,7 @@ class Placement(Record):
 
     def to_image(self, places_m: Array) -> Array:
         """Compute where places on the road, (n, 2) [m], lie in the picture: (n, 2), x before y [px]."""
-        ideal = _apply(self.h, places_m)
+        ideal = map_plane(self.h, places_m)
         rays = np.column_stack([ideal, np.ones(len(ideal))])
         none = np.zeros(3)
         seen, _ = cv2.projectPoints(rays, none, none, self.camera.matrix, self.camera.distortion)
@@ -96,15 +97,18 @@ class Placement(Record):
 
     def to_road(self, places_px: Array) -> Array:
         """Compute where places in the picture, (n, 2), x before y [px], lie on the road: (n, 2) [m]."""
-        return _apply(_invert(self.h), _straighten(self.camera, places_px))
+        return map_plane(_invert(self.h), _straighten(self.camera, places_px))
 
     def estimate_u_m(self, places_m: Array) -> Array:
         """Estimate the standard uncertainty of places on the road, the larger of both axes, (n,) [m]."""
+        return np.asarray(np.sqrt(np.linalg.eigvalsh(self.find_covariances(places_m))[:, -1]), np.float64)
+
+    def find_covariances(self, places_m: Array) -> Array:
+        """Estimate the covariance of each place on the road, (n, 2, 2) [m2]."""
         design = _differentiate(self.h, places_m)
         spread = design @ self.covariance @ design.transpose(0, 2, 1)
         back = np.linalg.inv(_differentiate_places(self.h, places_m))
-        on_road = back @ spread @ back.transpose(0, 2, 1)
-        return np.asarray(np.sqrt(np.linalg.eigvalsh(on_road)[:, -1]), np.float64)
+        return np.asarray(back @ spread @ back.transpose(0, 2, 1), np.float64)
 
     def find_views(self, places_m: Array) -> Array:
         """Compute the angles between the view of places and the vertical of the road, (n,) [deg].
@@ -112,16 +116,16 @@ class Placement(Record):
         With a camera at c and the columns of h = s [r1 r2 -R c], the vertical is r1 x r2.
         """
         vertical = np.cross(self.h[:, 0], self.h[:, 1])
-        rays = np.column_stack([_apply(self.h, places_m), np.ones(len(places_m))])
+        rays = np.column_stack([map_plane(self.h, places_m), np.ones(len(places_m))])
         cosines = np.abs(rays @ vertical) / (np.linalg.norm(rays, axis=1) * np.linalg.norm(vertical))
         return np.asarray(np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0))), np.float64)
 
 
-def place_frame(marks: Sequence[Mark], camera: Camera) -> Placement:
+def place_frame(marks: Sequence[Mark], camera: Camera, *, u_px: float = MARK_U_PX) -> Placement:
     """Place a frame by points of the road that were marked in it.
 
     The homography h minimises the distances in the picture, lens corrected, each over its uncertainty: that
-    of the mark, 1 px, and that of its place on the road. Its covariance is that of the fit, times
+    of the mark in the picture, and that of its place on the road. Its covariance is that of the fit, times
     chi^2 / dof where that exceeds 1 [1].
 
     [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision, Cambridge 2004, section 5.2,
@@ -133,18 +137,20 @@ def place_frame(marks: Sequence[Mark], camera: Camera) -> Placement:
         Points of the road in the picture, four or more.
     camera : Camera
         Camera of the frame.
+    u_px : float, optional
+        Standard uncertainty of each coordinate of a mark [px].
     """
     if len(marks) < FEWEST_MARKS:
         raise codes.PLACE_UNDETERMINED.refuse(f"{len(marks)} points are marked; four or more place a frame.")
     road = np.array([(mark.x_m, mark.y_m) for mark in marks], np.float64)
     seen = _straighten(camera, np.array([(mark.x_px, mark.y_px) for mark in marks], np.float64))
     h = _start(road, seen)
-    u_px = MARK_U_PX / np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
+    u_ideal = u_px / np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
     for _ in range(_ITERATIONS):
         scale = np.abs(np.linalg.det(_differentiate_places(h, road))) ** 0.5
-        weights = 1.0 / np.hypot(u_px, scale * [mark.u_m for mark in marks])
+        weights = 1.0 / np.hypot(u_ideal, scale * [mark.u_m for mark in marks])
         design = (_differentiate(h, road) * weights[:, None, None]).reshape(-1, 8)
-        residual = ((seen - _apply(h, road)) * weights[:, None]).ravel()
+        residual = ((seen - map_plane(h, road)) * weights[:, None]).ravel()
         sizes = np.linalg.norm(design, axis=0)
         if not np.all(np.isfinite(design)) or np.linalg.cond(design / sizes) > _WORST_CONDITION:
             raise _undetermined()
@@ -215,7 +221,7 @@ def _undetermined() -> Exception:
 def _start(road: Array, seen: Array) -> Array:
     """Solve the linear equations of the homography, both sides centred and scaled."""
     to_road, to_seen = _normalise(road), _normalise(seen)
-    (x, y), (u, v) = _apply(to_road, road).T, _apply(to_seen, seen).T
+    (x, y), (u, v) = map_plane(to_road, road).T, map_plane(to_seen, seen).T
     one, none = np.ones_like(x), np.zeros_like(x)
     rows = np.concatenate(
         [
@@ -242,16 +248,11 @@ def _invert(h: Array) -> Array:
     return np.asarray(np.linalg.inv(h), np.float64)
 
 
-def _apply(h: Array, places: Array) -> Array:
-    projected = np.column_stack([places, np.ones(len(places))]) @ h.T
-    return projected[:, :2] / projected[:, 2:]
-
-
 def _differentiate(h: Array, places_m: Array) -> Array:
     """Return the derivative of the images of places to the first eight elements of h, (n, 2, 8)."""
     ones = np.column_stack([places_m, np.ones(len(places_m))])
     depth = ones @ h[2]
-    seen = _apply(h, places_m)
+    seen = map_plane(h, places_m)
     slope = np.zeros((len(places_m), 2, 8))
     slope[:, 0, 0:3] = slope[:, 1, 3:6] = ones / depth[:, None]
     slope[:, :, 6:8] = -seen[:, :, None] * places_m[:, None, :] / depth[:, None, None]
@@ -261,6 +262,6 @@ def _differentiate(h: Array, places_m: Array) -> Array:
 def _differentiate_places(h: Array, places_m: Array) -> Array:
     """Return the derivative of the images of places to the places, (n, 2, 2)."""
     depth = np.column_stack([places_m, np.ones(len(places_m))]) @ h[2]
-    seen = _apply(h, places_m)
+    seen = map_plane(h, places_m)
     slope: Array = (h[None, :2, :2] - seen[:, :, None] * h[None, 2:, :2]) / depth[:, None, None]
     return slope

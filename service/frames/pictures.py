@@ -16,9 +16,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.grid import describe_lanes
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import get_method
+from radiometry.road.lanes import describe_lanes
 from radiometry.specification.application import SurfaceApplication
 from service.campaigns.schemas import Point
 from service.frames.routes import require_header, require_preview

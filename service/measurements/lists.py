@@ -9,7 +9,7 @@ from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from radiometry.findings import interface
-from radiometry.frame.grid import find_homography
+from radiometry.frame.grid import find_homography, map_plane
 from service.coefficients import series
 from service.http import answers, lookup, operations, tables
 from service.http.auth import Caller, Reader
@@ -68,10 +68,8 @@ def _columns(row: Measurement) -> int:
 
 def _project(row: Measurement, across: Any, along: Any) -> Any:  # noqa: ANN401  arrays
     """Return the images (x, y) of lattice lines, counted in cells."""
-    v, u = np.meshgrid(across / _rows(row), along / _columns(row), indexing="ij")
-    h = find_homography(row.parameters["grid"]["corners"])
-    projected = np.stack([u, v, np.ones_like(u)], axis=-1) @ h.T
-    return projected[..., :2] / projected[..., 2:]
+    lattice = np.stack(np.meshgrid(along / _columns(row), across / _rows(row)), axis=-1)
+    return map_plane(find_homography(row.parameters["grid"]["corners"]), lattice)
 
 
 router = operations.Router(prefix="/v1", tags=["measurements"])

@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, JsonValue, ValidationError, create_model, model_validator
 
 from radiometry.fitting.evidence import Region
-from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, LaneGrid, lay_lanes
+from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
 from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
 from radiometry.frame.roi import Polygon, parse_imagej
 from radiometry.methods import METHODS
+from radiometry.road.lanes import LaneGrid, lay_lanes
 from service.calibrations.methods import make_fields
 from service.campaigns.schemas import NewRoi, Point, Reflectance
 from service.http.models import WHOLE, Answer, Form, Number, Text, maybe, told

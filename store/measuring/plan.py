@@ -8,11 +8,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.grid import Grid, LaneGrid, describe_lanes
+from radiometry.frame.grid import Grid
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
 from radiometry.records import Record
+from radiometry.road.lanes import LaneGrid, describe_lanes
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
 from radiometry.specification.parameters import list_parameters
 from store.codec import decode, decode_exposure, decode_header, encode, read_applied

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from radiometry.frame.grid import LaneGrid, describe_lanes, find_homography, lay_lanes
+from radiometry.frame.grid import find_homography
 from radiometry.frame.statistics import compute_statistics, measure_signal
 from radiometry.frame.verdicts import inspect_black
 from radiometry.noise import fit as noise
+from radiometry.road.lanes import LaneGrid, describe_lanes, lay_lanes
 from radiometry.vignetting import fit as vignetting
 from simulation.camera import change
 from tests.radiometry.frames import frame_of

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from radiometry.frame.grid import Grid, LaneGrid, find_homography, lay_lanes
+from radiometry.frame.grid import Grid, find_homography
 from radiometry.luminance.surface import Cells, check_grid, displace_cells, judge_uniformity
+from radiometry.road.lanes import LaneGrid, lay_lanes
 
 SIZE = {"height_px": 3000, "width_px": 4000}
 ROAD_M = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 7.0), (0.0, 7.0)])
