@@ -31,6 +31,8 @@ from store.tables import (
     Meter,
     Reading,
     Recall,
+    Road,
+    RoadResult,
     Slot,
 )
 from store.tables.base import utc_now
@@ -113,6 +115,22 @@ def list_touched(
         else:
             touched.append(_touch(measurement, frame, calibration, successor))
     return touched
+
+
+def list_roads(session: Session, calibration: Calibration) -> list[tuple[RoadResult, Road]]:
+    """Return the evaluations of roads that rest on a version: by K, lens or geometry of a frame."""
+    frames, ids = (
+        RoadResult.inputs["frames"].as_string(),
+        [calibration.id, *list_corrected(session, calibration)],
+    )
+    rows = session.execute(
+        select(RoadResult, Road)
+        .join(Road, Road.id == RoadResult.road_id)
+        .where(RoadResult.organisation_id == calibration.organisation_id)
+        .where(or_(*(frames.contains(each, autoescape=True) for each in ids)))
+        .order_by(RoadResult.id)
+    )
+    return [(row[0], row[1]) for row in rows]
 
 
 def _find_successor(taken: FrameTime | None, others: Sequence[InForce]) -> tuple[Calibration | None, str]:
@@ -216,6 +234,7 @@ class Condemned(Record):
     camera: Camera
     status: VersionStatus
     measurements: list[Touched]
+    roads: list[tuple[RoadResult, Road]]
 
 
 def find_versions(session: Session, organisation_id: str, cause: dict[str, str]) -> list[str]:
@@ -284,6 +303,7 @@ def review(session: Session, recall: Recall) -> list[Condemned]:
             camera=row[1],
             status=status[row[0].id],
             measurements=list_touched(session, row[0], without=ids),
+            roads=list_roads(session, row[0]),
         )
         for row in session.execute(rows)
     ]

@@ -14,13 +14,14 @@ from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
 from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text, maybe, told
 from service.http.paging import Page, UsesPaging
+from service.roads.schemas import RoadResultSummary
 from store import impact as recalls
 from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
 from store.measuring.comparison import Reference
 from store.publications import InForce
 from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
-from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall, utc_now
+from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall, Road, RoadResult, utc_now
 
 
 class VersionNamed(Answer):
@@ -64,14 +65,32 @@ class TouchedMeasurement(Answer):
         return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
 
 
-class RevocationAnswer(schemas.CalibrationAnswer):
-    """The version as it stands now, and the measurements that were made with it."""
+class TouchedRoad(RoadResultSummary):
+    """An evaluation of a road with frames that were measured with the version, or corrected by it."""
 
-    measurements: list[TouchedMeasurement]
+    road_id: str
+    name: str
 
     @classmethod
-    def revoked(cls, answer: schemas.CalibrationAnswer, touched: list[Touched]) -> "RevocationAnswer":
-        return cls(**dict(answer), measurements=[TouchedMeasurement.of(row) for row in touched])
+    def of(cls, touched: tuple[RoadResult, Road]) -> "TouchedRoad":
+        row, road = touched
+        link = f"/v1/roads/{road.id}/results/{row.number}"
+        return cls.restate(row, name=road.name, verdict=row.result["verdict"], link=link)
+
+
+class RevocationAnswer(schemas.CalibrationAnswer):
+    """The version as it stands now, and the measurements and roads that rest on it."""
+
+    measurements: list[TouchedMeasurement]
+    roads: list[TouchedRoad]
+
+    @classmethod
+    def revoked(
+        cls, session: Session, row: Calibration, answer: schemas.CalibrationAnswer
+    ) -> "RevocationAnswer":
+        touched = [TouchedMeasurement.of(each) for each in recalls.list_touched(session, row)]
+        roads = [TouchedRoad.of(each) for each in recalls.list_roads(session, row)]
+        return cls(**dict(answer), measurements=touched, roads=roads)
 
 
 class CoefficientChanged(
@@ -174,6 +193,7 @@ class CondemnedVersion(
     measurements: list[TouchedMeasurement] = told(
         "Made with it. The successor of each is a version that the recall does not revoke."
     )
+    roads: list[TouchedRoad]
 
     @classmethod
     def of(cls, row: Condemned) -> "CondemnedVersion":
@@ -185,6 +205,7 @@ class CondemnedVersion(
             camera=f"{camera.make} {camera.model} {camera.serial}",
             in_force=row.status.valid_from is not None,
             measurements=[TouchedMeasurement.of(each) for each in row.measurements],
+            roads=[TouchedRoad.of(each) for each in row.roads],
         )
 
 

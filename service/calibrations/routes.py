@@ -33,7 +33,7 @@ from service.http.models import Answer, Form, PositiveText, Quantity, Text, told
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
 from service.jobs.routes import QUEUES, reply_queued
-from store import codec, fits, impact, jobs, publications
+from store import codec, fits, jobs, publications
 from store.measuring.version import choose_falloff
 from store.queries import calibrations, campaigns, usage
 from store.queries.evidence import Evidence, gather
@@ -215,13 +215,14 @@ def revoke_calibration(
     """Revoke a version permanently. It stays readable; nothing takes its place automatically.
 
     `measurements` are those made with it: they stay, flagged, with what another version would make of each.
+    `roads` are evaluations with frames that rest on it.
     """
 
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
         publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
-        touched = impact.list_touched(session, calibration)
-        return Reply(status=200, body=RevocationAnswer.revoked(_answer(session, calibration), touched))
+        answer = _answer(session, calibration)
+        return Reply(status=200, body=RevocationAnswer.revoked(session, calibration, answer))
 
     return writing.run(caller, change)
 

@@ -151,13 +151,15 @@ def revoke(
 ) -> None:
     """Take a version out of force permanently.
 
-    The measurements made with it are listed. Nothing takes its place: that time has no version in force.
+    What was measured with it is listed. Nothing takes its place: that time has no version in force.
     """
     with output.client() as client:
         found = client.revoke(calibration, reason=reason)
     touched = [each["measurement_id"] for each in found["measurements"]]
-    shown = [f"measured with it: {measurement_id}" for measurement_id in touched]
-    output.answer(found, *shown, f"{calibration} is revoked; {len(touched)} measurements were made with it")
+    roads = [f"{each['name']}, {each['link']}" for each in found.get("roads", ())]
+    shown = [f"measured with it: {each}" for each in touched + roads]
+    count = f"{len(touched)} measurements and {len(roads)} roads"
+    output.answer(found, *shown, f"{calibration} is revoked; {count} were measured with it")
 
 
 @command

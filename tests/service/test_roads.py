@@ -175,6 +175,22 @@ def test_an_evaluation_finds_the_light_of_the_lamps(house, evaluated):
     assert (again["number"], again["content_sha256"]) == (1, evaluated["content_sha256"])
 
 
+def test_a_revoked_version_lists_the_roads_that_rest_on_it(house, evaluated):
+    (version,) = {each["calibration_id"] for each in evaluated["frames"]}
+    cause = {"software": house.get(f"/v1/calibrations/{version}")["software"]["stilb"]}
+    recall = house.post("/v1/recalls", {"cause": cause, "reason": "wrong lamp"})
+    revoked = house.post(f"/v1/calibrations/{version}/revoke", {"reason": "wrong lamp"}, status=200)
+    path = f"/v1/roads/{evaluated['road_id']}/results/1"
+    (touched,) = revoked["roads"]
+    assert (touched["road_id"], touched["number"]) == (evaluated["road_id"], 1)
+    assert (touched["name"], touched["verdict"], touched["link"]) == ("Harbour Street", "conforms", path)
+    condemned = {
+        each["calibration_id"]: each for each in house.get(f"/v1/recalls/{recall['id']}")["versions"]
+    }
+    assert condemned[version]["roads"] == [touched]
+    assert {each["calibration_state"] for each in house.get(path)["frames"]} == {"revoked"}
+
+
 def test_the_view_follows_from_the_optics_that_are_stated(house, road):
     """From straight above at height h = f_px / 16 px/m, the far corner of the field is atan(d / h) off."""
     frame = house.get(f"/v1/frames/{road['frames'][0]['frame_id']}")

@@ -57,7 +57,7 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     assert "version 1 is in force" in shown.out
     assert "published" in signed_in("history", "0K1XE8").out
     revoked = signed_in("revoke", draft["id"], "--reason", "the meter was dropped")
-    assert f"{draft['id']} is revoked; 0 measurements were made with it" in revoked.out
+    assert f"{draft['id']} is revoked; 0 measurements and 0 roads were measured with it" in revoked.out
     (version,) = signed_in("history", "0K1XE8", "--json").json["items"]
     assert version["state"] == "revoked"
 
