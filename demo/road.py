@@ -13,6 +13,7 @@ import stilb
 from demo import luminance
 from demo.journey import Finding, Stage, as_table, begin, send, write_files
 from radiometry.frame.exposure import Settings
+from radiometry.frame.grid import map_plane
 from simulation.camera import Lamp, Plane, Shot, change, take
 from simulation.dng import write_dng
 from simulation.luminance import X5S
@@ -71,19 +72,13 @@ def look(turn: int) -> Plane:
     return np.asarray(lens @ over @ along @ middle, np.float64)
 
 
-def project(h: Plane, x: Plane, y: Plane) -> tuple[Plane, Plane]:
-    """Map places through a homography."""
-    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-    first = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
-    return first, (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
-
-
 def write_frame(folder: Path, turn: int) -> Path:
     """Write a frame of the road, its pavement in patches."""
     height, width = _CAMERA.sensor.height_px, _CAMERA.sensor.width_px
     middles = [np.arange(_BLOCK_PX / 2, size + _BLOCK_PX, _BLOCK_PX) for size in (height, width)]
     rows, cols = np.meshgrid(*middles, indexing="ij")
-    x, y = project(np.asarray(np.linalg.inv(look(turn)), np.float64), cols, rows)
+    back = np.asarray(np.linalg.inv(look(turn)), np.float64)
+    x, y = np.moveaxis(map_plane(back, np.stack([cols, rows], axis=-1)), -1, 0)
     patches = np.random.default_rng(_SEED).standard_normal((400, 400))
     at = [np.clip((each / _PATCH_M).astype(np.intp) + 200, 0, 399) for each in (y, x)]
     blocks = illuminate(x, y) * _RHO / math.pi * np.exp(_PATCHES_REL * patches[at[0], at[1]])
@@ -126,12 +121,10 @@ def run(stage: Stage) -> bool:
 def _mark(turn: int) -> list[dict[str, float]]:
     """Mark six points of the road in a frame, as well as a hand does."""
     random = np.random.default_rng([_SEED, 9, turn])
-    found = []
-    for x, y in [(x, y) for x in (0.0, _SPACING_M / 2, _SPACING_M) for y in (0.0, _WIDTH_M)]:
-        col, row = project(look(turn), np.array(x), np.array(y))
-        u, v = random.normal(0.0, 1.0, 2).tolist()
-        found.append({"x_px": float(col) + u, "y_px": float(row) + v, "x_m": x, "y_m": y})
-    return found
+    places = np.array([(x, y) for x in (0.0, _SPACING_M / 2, _SPACING_M) for y in (0.0, _WIDTH_M)])
+    seen = map_plane(look(turn), places) + random.normal(0.0, 1.0, places.shape)
+    names = ("x_px", "y_px", "x_m", "y_m")
+    return [dict(zip(names, each, strict=True)) for each in np.hstack([seen, places]).tolist()]
 
 
 def _read(planned: list[dict[str, Any]], meter_id: str) -> list[dict[str, Any]]:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from radiometry.road import codes
 from radiometry.road.field import Field, Rows, draw_fields, fit_models, select_rows, solve_field
+from radiometry.road.findings import Found, flag_road
 from radiometry.road.grid import GridPoint
-from radiometry.road.judging import Found, flag_road
 from radiometry.road.observations import Places, gather, make_rows
 from radiometry.road.plan import Outlook, count_points, weigh_figures
 from radiometry.road.reporting import (

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Protocol, cast
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from radiometry.frame.grid import map_plane
@@ -97,7 +96,8 @@ class Placement(Record):
 
     def to_road(self, places_px: Array) -> Array:
         """Compute where places in the picture, (n, 2), x before y [px], lie on the road: (n, 2) [m]."""
-        return map_plane(_invert(self.h), _straighten(self.camera, places_px))
+        back = np.asarray(np.linalg.inv(self.h), np.float64)
+        return map_plane(back, _straighten(self.camera, places_px))
 
     def estimate_u_m(self, places_m: Array) -> Array:
         """Estimate the standard uncertainty of places on the road, the larger of both axes, (n,) [m]."""
@@ -219,33 +219,11 @@ def _undetermined() -> Exception:
 
 
 def _start(road: Array, seen: Array) -> Array:
-    """Solve the linear equations of the homography, both sides centred and scaled."""
-    to_road, to_seen = _normalise(road), _normalise(seen)
-    (x, y), (u, v) = map_plane(to_road, road).T, map_plane(to_seen, seen).T
-    one, none = np.ones_like(x), np.zeros_like(x)
-    rows = np.concatenate(
-        [
-            np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], axis=1),
-            np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], axis=1),
-        ]
-    )
-    _, sizes, turned = scipy.linalg.svd(rows)
-    if sizes[7] < sizes[0] / _WORST_CONDITION:
+    """Return the homography that OpenCV finds, in single precision."""
+    h, _ = cv2.findHomography(road, seen)
+    if h is None or not abs(h[2, 2]) > 0.0:
         raise _undetermined()
-    h = np.linalg.inv(to_seen) @ turned[-1].reshape(3, 3) @ to_road
-    if not abs(h[2, 2]) > 0.0:
-        raise _undetermined()
-    found: Array = h / h[2, 2]
-    return found
-
-
-def _normalise(places: Array) -> Array:
-    middle, size = places.mean(axis=0), float(places.std()) or 1.0
-    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
-
-
-def _invert(h: Array) -> Array:
-    return np.asarray(np.linalg.inv(h), np.float64)
+    return np.asarray(h / h[2, 2], np.float64)
 
 
 def _differentiate(h: Array, places_m: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,18 +47,14 @@ def compare_control(
     found = []
     for n, each in enumerate(road.control, start=first):
         row, seen = row_of.get(n), places.seen[n]
-        state: PointState = "agrees"
+        state: PointState = "left_out" if row is None else "differs"
         difference = u = None
         if row is not None and row in left_at:
+            state = "not_seen" if seen is None else "agrees"
             difference, u = float(field.left[left_at[row]]), float(field.left_u[left_at[row]])
         elif each.quantity == "illuminance":
-            state = "left_out" if row is None else "differs"
             difference = each.ln_mean - float(field.mean[n])
             u = math.hypot(math.sqrt(field.covariance[n, n]), each.own_u)
-        else:
-            state = "left_out" if row is None else "differs"
-        if seen is None and state == "agrees":
-            state = "not_seen"
         found.append(
             ControlResult(
                 **{name: getattr(each, name) for name in ("name", "x_m", "y_m", "quantity")},
@@ -75,7 +72,7 @@ def compare_control(
 def report_points(points: Sequence[GridPoint], places: Places, field: Field) -> tuple[PointResult, ...]:
     return tuple(
         PointResult(
-            **{name: getattr(each, name) for name in ("name", "part", "row", "column", "x_m", "y_m")},
+            **asdict(each),
             illuminance_lx=math.exp(field.mean[n]),
             u_rel=math.sqrt(field.covariance[n, n]),
             luminance_cd_m2=None if (seen := places.seen[n]) is None else math.exp(seen.ln_luminance),

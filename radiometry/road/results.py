@@ -4,6 +4,8 @@ from typing import Literal
 
 from radiometry.findings import Raised
 from radiometry.records import Record, about
+from radiometry.road.grid import GridPoint
+from radiometry.road.site import Criterion
 
 Verdict = Literal["conforms", "does_not", "not_decided", "not_measured"]
 PointState = Literal["agrees", "differs", "left_out", "not_seen"]
@@ -25,12 +27,9 @@ class FigureResult(Record):
         return (self.high - self.low) / 2.0
 
 
-class CriterionResult(Record, kw_only=False):
+class CriterionResult(Criterion):
     """A figure compared with its limit."""
 
-    figure: str = about("Figure that is required.")
-    at_least: float | None = about("Lower limit.")
-    at_most: float | None = about("Upper limit.")
     probability: float | None = about("Probability that the figure conforms; None if it is not measured.")
     verdict: Verdict
     needed_u: float | None = about(
@@ -50,15 +49,9 @@ class ClassResult(Record):
     verdict: Verdict
 
 
-class PointResult(Record):
+class PointResult(GridPoint):
     """Illuminance of one point of the grid."""
 
-    name: str
-    part: str
-    row: int
-    column: int
-    x_m: float
-    y_m: float
     illuminance_lx: float = about("E [lx], without the pavement's patches.")
     u_rel: float = about("Relative standard uncertainty.")
     luminance_cd_m2: float | None = about("As seen, the mean of its frames; None if it was not seen.")

@@ -4,7 +4,7 @@ import math
 from typing import Literal
 
 from radiometry.fitting.evidence import Acceptance
-from radiometry.records import Record, about
+from radiometry.records import Record, about, later
 from radiometry.spectral.lamps import LampKind
 
 Kind = Literal["lane", "walkway", "edge"]
@@ -163,6 +163,7 @@ class Meter(Record):
 
     meter: str = about("Identity; the same as behind K if it is the same instrument.")
     u_rel: float | None = about("Relative standard uncertainty by its certificate; None without one.")
+    certificate: str | None = later("Number of its certificate.")
 
     @property
     def assumed_u_rel(self) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,8 @@ def compute_figures(
     if edges := [each.name for each in road.site.strips if each.kind == "edge"]:
         parts = np.array([each.part for each in points])
         sides = [light[:, parts == e].mean(axis=1) / light[:, parts == inside(e)].mean(axis=1) for e in edges]
-        found["eir"] = np.min(sides, axis=0)
+        # the worse side as a whole: the least of each draw is biased where both are alike
+        found["eir"] = min(sides, key=lambda each: float(np.median(each)))
     if road.conditions.power_w is not None:
         found["pdi"] = 1e3 * road.conditions.power_w / (average * _measure_area(points, judged, road))
     factor = road.requirement.maintenance_factor or 1.0
@@ -92,10 +94,9 @@ def judge_criterion(
 
     [1] JCGM 106:2012, sections 8 and 9, doi:10.59161/JCGM106-2012
     """
-    limits = criterion.figure, criterion.at_least, criterion.at_most
     found = next((each for each in figures if each.result.figure == criterion.figure), None)
     if found is None:
-        return CriterionResult(*limits, probability=None, verdict="not_measured")
+        return CriterionResult(**asdict(criterion), probability=None, verdict="not_measured")
     low = -math.inf if criterion.at_least is None else criterion.at_least
     high = math.inf if criterion.at_most is None else criterion.at_most
     result = found.result
@@ -112,7 +113,7 @@ def judge_criterion(
         needed = 2.0 * min(abs(result.value - low), abs(result.value - high)) / GUARD
         if requirement.decision == "shared_risk" and largest is not None:
             needed = largest * abs(result.value)
-    return CriterionResult(*limits, probability=probability, verdict=verdict, needed_u=needed)
+    return CriterionResult(**asdict(criterion), probability=probability, verdict=verdict, needed_u=needed)
 
 
 def find_worst(criteria: Sequence[CriterionResult]) -> Verdict:

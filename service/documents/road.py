@@ -8,7 +8,7 @@ from fastapi import Query, Request, Response
 from radiometry.drawing.text import in_step, write_exposure, write_unit
 from service.documents.rendered import Order, order_sheets
 from service.documents.routes import send_pdf
-from service.documents.sheets import Node, facts, flow, percent, plain, section, stamp, table
+from service.documents.sheets import Node, facts, flow, optional, percent, plain, section, stamp, table
 from service.http import answers, auth, lookup, operations
 from service.http.context import UsesContext
 from service.roads import drawing, routes, schemas, words
@@ -26,6 +26,21 @@ _FOOTER: Final = (
 )
 _CAPTION: Final = "Heavy line: limit of the class. Ring: the minimum."
 _MOST_COLUMNS: Final = 18
+_BEFORE: Final = [
+    "Lamps on for 30 minutes or more",
+    "Road dry: no sheen, no puddles, no frost",
+    "No parked car or shadow on the points",
+    "Tape on pole A and kerb; lux meter zeroed with its cap on",
+]
+_AT_EACH: Final = [
+    "Receiver flat on the road, bubble in the middle",
+    "Stand on the dark side, 1 m away, crouch: no shadow on it",
+    "No car coming; torch and phone off; wait 5 s, then read",
+]
+_SPARE: Final = (
+    "The spare is any place on the road: one wrong point then costs nothing. 1st and 2nd differ by more than "
+    "5 %? Read a third time, and write it beside."
+)
 
 
 def lay_out_report(result: Node, *, by: str, picture: str) -> Node:
@@ -33,10 +48,10 @@ def lay_out_report(result: Node, *, by: str, picture: str) -> Node:
     number = f"R-{result['road_id'][-10:]}-{result['number']}"
     requirement, stated = result["stated"]["requirement"], result["stated"]
     under = f"{result['name']}, {stamp(result['created_at'])}"
-    pages = (
-        ("Road lighting: illuminance measured from the air", list(_first_page(result, requirement, stated))),
-        ("", list(_second_page(result, picture, by))),
-    )
+    pages = {
+        "Road lighting: illuminance measured from the air": _first_page(result, requirement, stated),
+        "": _second_page(result, picture, by),
+    }
     return {
         "template": "road.typ",
         "paper": "a4",
@@ -46,15 +61,15 @@ def lay_out_report(result: Node, *, by: str, picture: str) -> Node:
         "by": by,
         "footer": _FOOTER,
         "pages": [
-            {"title": title, "head": f"Test report {number}", "under": under, "sections": sections}
-            for title, sections in pages
+            {"title": title, "head": f"Test report {number}", "under": under, "sections": list(sections)}
+            for title, sections in pages.items()
         ],
     }
 
 
-def _pairs(*words: str) -> list[Node]:
-    """Return facts: names and what is said of each, in turn."""
-    return [facts([list(pair) for pair in zip(words[::2], words[1::2], strict=True)])]
+def _state(title: str, stated: dict[str, str]) -> Node:
+    """Return a section of facts."""
+    return section(title, [facts([list(pair) for pair in stated.items()])])
 
 
 def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]:
@@ -63,56 +78,45 @@ def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]
     yield section("", [{"kind": "verdict", "text": verdict, "more": why}])
     factor = requirement.get("maintenance_factor")
     limits = ", ".join(words.write_limit(each) for each in result["criteria"])
-    about_rule = _pairs(
-        "Class",
-        f"{requirement['road_class']}: {limits}",
-        "Source",
-        f"{requirement['rule']}; {requirement.get('confirmed') or 'figures not confirmed'}",
-        "Decision rule",
-        _DECISIONS[requirement.get("decision", "guarded")],
-        "State",
-        f"Maintained values, factor {factor:g}" if factor else "As found: no maintenance factor was given",
-    )
-    yield section("1  Requirement", about_rule)
+    about_rule = {
+        "Class": f"{requirement['road_class']}: {limits}",
+        "Source": f"{requirement['rule']}; {requirement.get('confirmed') or 'figures not confirmed'}",
+        "Decision rule": _DECISIONS[requirement.get("decision", "guarded")],
+        "State": f"Maintained values, factor {factor:g}"
+        if factor
+        else "As found: no maintenance factor was given",
+    }
+    yield _state("1  Requirement", about_rule)
     row = site["rows"][0]
     lanes = [f"{each['width_m']:g} m" for each in site.get("strips", ()) if each["kind"] == "lane"]
     power = f", {conditions['power_w']:g} W in one spacing" if "power_w" in conditions else ""
-    about_site = _pairs(
-        "Place",
-        result["name"],
-        "Geometry",
-        f"S = {row['spacing_m']:g} m, H = {row['height_m']:g} m; rows of luminaires: {len(site['rows'])}; "
-        f"lanes: {', '.join(lanes) or 'none'}",
-        "Luminaires",
-        conditions.get("lamp_kind", "kind not recorded").replace("_", " ") + power,
-        "Measured area",
-        f"{grid['points'] - grid['hidden']} of {grid['points']} points visible",
-    )
-    yield section("2  Site and installation", about_site)
+    luminaires = conditions.get("lamp_kind", "kind not recorded").replace("_", " ")
+    about_site = {
+        "Place": result["name"],
+        "Geometry": f"S = {row['spacing_m']:g} m, H = {row['height_m']:g} m; rows of luminaires: "
+        f"{len(site['rows'])}; lanes: {', '.join(lanes) or 'none'}",
+        "Luminaires": luminaires + power,
+        "Measured area": f"{grid['points'] - grid['hidden']} of {grid['points']} points visible",
+    }
+    yield _state("2  Site and installation", about_site)
     times = [stamp(each["taken_at"]) for each in result["frames"] if "taken_at" in each]
     mains = f"{conditions['mains_frequency_hz']:g} Hz" if "mains_frequency_hz" in conditions else _UNKNOWN
-    about_night = _pairs(
-        "Time",
-        " to ".join(sorted({min(times), max(times)})) if times else _UNKNOWN,
-        "Road",
-        f"{conditions['surface']} (stated)" if "surface" in conditions else _UNKNOWN,
-        "Mains",
-        mains,
-        "Remarks",
-        conditions.get("remarks", "age of the lamps, climate and other light are not recorded"),
-    )
-    yield section("3  Conditions", about_night)
+    about_night = {
+        "Time": " to ".join(sorted({min(times), max(times)})) if times else _UNKNOWN,
+        "Road": f"{conditions['surface']} (stated)" if "surface" in conditions else _UNKNOWN,
+        "Mains": mains,
+        "Remarks": conditions.get("remarks", "age of the lamps, climate and other light are not recorded"),
+    }
+    yield _state("3  Conditions", about_night)
     yield section("4  Instruments and traceability", [_tabulate_instruments(result)])
-    about_grid = _pairs(
-        "Rule",
-        f"{requirement['rule']}: N = {grid['along']}, D = {grid['along_m']:.2f} m along, "
+    about_grid = {
+        "Rule": f"{requirement['rule']}: N = {grid['along']}, D = {grid['along_m']:.2f} m along, "
         f"d = {grid['across_m']:.3f} m across; {grid['points']} points",
-        "Place of the map",
-        f"± {grid['place_u_m']:.2f} m; at most {grid['place_limit_m']:.2f} m, a third of the spacing",
-        "View",
-        f"at most {grid['view_deg']:.0f}° off nadir; limit 20°",
-    )
-    yield section("5  Grid", about_grid)
+        "Place of the map": f"± {grid['place_u_m']:.2f} m; at most a third of the spacing, "
+        f"{grid['place_limit_m']:.2f} m",
+        "View": f"at most {grid['view_deg']:.0f}° off nadir; limit 20°",
+    }
+    yield _state("5  Grid", about_grid)
     yield section("6  Method and remarks", [flow(text) for text in _list_remarks(result)])
 
 
@@ -128,7 +132,9 @@ def _tabulate_instruments(result: Node) -> Node:
         rows.append([first["camera"], setting, chain])
     for meter in stated.get("meters", ()):
         mine = [each["values"] for each in stated["control"] if each["meter"] == meter["meter"]]
-        chain = f"certificate, U = {percent(2 * meter['u_rel'])}" if "u_rel" in meter else "no certificate"
+        chain = "no certificate"
+        if "u_rel" in meter:
+            chain = f"certificate {meter.get('certificate', '')}, U = {percent(2 * meter['u_rel'])}"
         rows.append([meter["meter"], f"{len(mine)} points, {sum(map(len, mine))} readings", chain])
     return table(["instrument", "use", "traceable by"], rows, align="lll", widths=[2, 2, 2.4])
 
@@ -194,24 +200,19 @@ def _tabulate_results(result: Node) -> Node:
 
 def tabulate_control(control: Sequence[Node]) -> Node:
     """Return each control point against the map that is made without it."""
-    rows = []
-    for each in control:
-        without = f"{each['without_it']:.3g}" if "without_it" in each else words.NONE
-        difference = f"{100 * each['difference_rel']:+.1f} %" if "difference_rel" in each else words.NONE
-        use = {"agrees": "used", "differs": "differs, not used", "not_seen": "not seen"}.get(
-            each["state"], ""
-        )
-        rows.append(
-            [
-                each["name"],
-                f"{each['x_m']:.1f}",
-                f"{each['y_m']:.1f}",
-                f"{each['value']:.3g}",
-                without,
-                difference,
-                use or f"left out: {each.get('reason', '')}",
-            ]
-        )
+    uses = {"agrees": "used", "differs": "differs, not used", "not_seen": "not seen"}
+    rows = [
+        [
+            each["name"],
+            f"{each['x_m']:.1f}",
+            f"{each['y_m']:.1f}",
+            f"{each['value']:.3g}",
+            optional(each, "without_it", "{:.3g}".format),
+            optional(each, "difference_rel", lambda share: f"{100 * share:+.1f} %"),
+            uses.get(each["state"]) or f"left out: {each.get('reason', '')}",
+        ]
+        for each in control
+    ]
     head = ["point", "along [m]", "from kerb [m]", "meter", "map without it", "difference", "use"]
     return table(head, rows, align="lrrrrrl", widths=[1, 1, 1, 1, 1.2, 1, 1.6])
 
@@ -249,67 +250,25 @@ def lay_out_card(road: Node, plan: Node, *, by: str, created_at: str) -> Node:
     for each in points:
         across.setdefault(f"{each['y_m']:.1f} m", []).append(each["name"])
     at = " · ".join(f"{', '.join(names)} at {place}" for place, names in across.items())
+    drawn = {"kind": "figure", "svg": drawing.draw_plan(road["site"], points)}
+    where = flow(f"Along: from pole A, as written above.\nAcross, from the kerb: {at}")
+    exposures = {"kind": "times", "items": [[word, number == best] for number, word in enumerate(times)]}
+    only = flow(f"Only these. Never {never}, or automatic." if never else "Only these.")
     front = [
-        section(
-            "",
-            [
-                {"kind": "figure", "svg": drawing.draw_plan(road["site"], points)},
-                flow(f"Along: from pole A, as written above.\nAcross, from the kerb: {at}"),
-            ],
-        ),
-        section(
-            "Flight: straight down, raw, manual exposure",
-            [
-                {"kind": "times", "items": [[word, number == best] for number, word in enumerate(times)]},
-                flow(f"Only these. Never {never}, or automatic." if never else "Only these."),
-            ],
-        ),
-        section(
-            "Before you start",
-            [
-                {
-                    "kind": "boxes",
-                    "items": [
-                        "Lamps on for 30 minutes or more",
-                        "Road dry: no sheen, no puddles, no frost",
-                        "No parked car or shadow on the points",
-                        "Tape on pole A and kerb; lux meter zeroed with its cap on",
-                    ],
-                }
-            ],
-        ),
+        section("", [drawn, where]),
+        section("Flight: straight down, raw, manual exposure", [exposures, only]),
+        section("Before you start", [{"kind": "boxes", "items": _BEFORE}]),
     ]
     rows = [
         [each["name"], f"{each['x_m'] - start:.1f} m", f"{each['y_m']:.1f} m", "", "", ""] for each in points
     ]
     rows += [[each["name"], "", "", "", "", ""] for each in spare]
-    write = table(
-        ["point", "along", "across", "1st [lx]", "2nd [lx]", "time"],
-        rows,
-        align="llllll",
-        widths=[0.8, 1, 1, 1.6, 1.6, 1.2],
-        caption="The spare is any place on the road: one wrong point then costs nothing. 1st and 2nd "
-        "differ by more than 5 %? Read a third time, and write it beside.",
-    )
+    head = ["point", "along", "across", "1st [lx]", "2nd [lx]", "time"]
+    write = table(head, rows, align="llllll", widths=[0.8, 1, 1, 1.6, 1.6, 1.2], caption=_SPARE)
+    signed = {"kind": "sign", "items": [["Lux meter, serial", ""], ["°C, % RH", ""], ["Read by, date", ""]]}
     back = [
         section("", [write | {"tall": 8.5}]),
-        section(
-            "At each point",
-            [
-                {
-                    "kind": "boxes",
-                    "items": [
-                        "Receiver flat on the road, bubble in the middle",
-                        "Stand on the dark side, 1 m away, crouch: no shadow on it",
-                        "No car coming; torch and phone off; wait 5 s, then read",
-                    ],
-                },
-                {
-                    "kind": "sign",
-                    "items": [["Lux meter, serial", ""], ["°C, % RH", ""], ["Read by, date", ""]],
-                },
-            ],
-        ),
+        section("At each point", [{"kind": "boxes", "items": _AT_EACH}, signed]),
     ]
     under = f"class {road['requirement']['road_class']}"
     return {

@@ -76,12 +76,8 @@ def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequ
     _draw_site(canvas, site, extent, 'stroke="#ffffff" stroke-width="1.5"')
     points = {each["name"]: each for each in result["points"]}
     if "isolux" in shown:
-        limits = [
-            each["at_least"]
-            for each in result["criteria"]
-            if each["figure"] in ("e_av", "e_min") and "at_least" in each
-        ]
-        _draw_isolux(canvas, result, limits)
+        judged = [each for each in result["criteria"] if each["figure"] in ("e_av", "e_min")]
+        _draw_isolux(canvas, result, [each["at_least"] for each in judged if "at_least" in each])
     if "grid" in shown:
         for each in points.values():
             mark = 'stroke="#10141a" stroke-width="2.5"', 'stroke="#ffffff" stroke-width="1"'
@@ -99,15 +95,10 @@ def draw_plan(site: Node, points: Sequence[Node]) -> str:
     first = site["rows"][0]
     start = first.get("first_x_m", 0.0)
     x_m = start - 3.0, start + first["spacing_m"] + 3.0
-    edges = sorted(
-        {
-            at
-            for each in site["strips"]
-            if each["kind"] == "lane"
-            for at in (each["y_m"], each["y_m"] + each["width_m"])
-        }
-    )
-    edges = edges or [min(p["y_m"] for p in points) - 1, max(p["y_m"] for p in points) + 1]
+    edges = _find_edges(site, "lane") or [
+        min(p["y_m"] for p in points) - 1,
+        max(p["y_m"] for p in points) + 1,
+    ]
     y_m = min(edges[0], first["y_m"]) - 3.0, edges[-1] + 5.0
     canvas, ink = Canvas(x_m, y_m), 'fill="#000000"'
     for edge in edges:
@@ -130,11 +121,14 @@ def draw_plan(site: Node, points: Sequence[Node]) -> str:
     return canvas.finish()
 
 
+def _find_edges(site: Node, *kinds: str) -> list[float]:
+    strips = [each for each in site.get("strips", ()) if each["kind"] in kinds]
+    return sorted({at for each in strips for at in (each["y_m"], each["y_m"] + each["width_m"])})
+
+
 def _draw_site(canvas: Canvas, site: Node, extent: Node, style: str) -> None:
-    lanes = [each for each in site.get("strips", ()) if each["kind"] == "lane"]
-    edges = sorted({at for each in lanes for at in (each["y_m"], each["y_m"] + each["width_m"])})
-    others = [each for each in site.get("strips", ()) if each["kind"] != "lane"]
-    for at in edges + [at for each in others for at in (each["y_m"], each["y_m"] + each["width_m"])]:
+    edges = _find_edges(site, "lane")
+    for at in edges + _find_edges(site, "walkway", "edge"):
         dashed = at in edges[1:-1] or at not in edges
         canvas.line([(x, at) for x in extent["x_m"]], style + (' stroke-dasharray="10 7"' if dashed else ""))
     for area in site.get("areas", ()):
@@ -143,13 +137,8 @@ def _draw_site(canvas: Canvas, site: Node, extent: Node, style: str) -> None:
     start = first.get("first_x_m", 0.0)
     end = start + first["spacing_m"]
     if edges:
-        corners = [
-            (start, edges[0]),
-            (end, edges[0]),
-            (end, edges[-1]),
-            (start, edges[-1]),
-            (start, edges[0]),
-        ]
+        low, high = edges[0], edges[-1]
+        corners = [(start, low), (end, low), (end, high), (start, high), (start, low)]
         canvas.line(corners, 'stroke="#3fd0ff" stroke-width="2"')
     for row in site["rows"]:
         for at in np.arange(row.get("first_x_m", 0.0), end + 0.1, row["spacing_m"]).tolist():
@@ -170,13 +159,9 @@ def _draw_isolux(canvas: Canvas, result: Node, limits: Sequence[float]) -> None:
     for drawn in maps.trace_isolines(plane, sorted({*levels, *limits}), step=1, left_px=-0.5, top_px=-0.5):
         width = 2.2 if drawn.level in limits else 0.9
         for line in drawn.lines:
-            along, across = (
-                np.interp(line[:, i], range(len(at)), at).tolist() for i, at in enumerate((xs, ys))
-            )
-            canvas.line(
-                list(zip(along, across, strict=True)),
-                f'stroke="#ffffff" stroke-opacity="0.85" stroke-width="{width}"',
-            )
+            places = [np.interp(line[:, i], range(len(at)), at) for i, at in enumerate((xs, ys))]
+            style = f'stroke="#ffffff" stroke-opacity="0.85" stroke-width="{width}"'
+            canvas.line(np.transpose(places).tolist(), style)
 
 
 def _draw_cross(canvas: Canvas, place: Place, reach_px: float, style: str) -> None:
@@ -187,7 +172,7 @@ def _draw_cross(canvas: Canvas, place: Place, reach_px: float, style: str) -> No
 
 def _draw_control(canvas: Canvas, site: Node, extent: Node, control: Sequence[Mapping[str, Any]]) -> None:
     """Draw each control point with its reading beside the road; a wrong one as a square, with both values."""
-    across = [at for each in site.get("strips", ()) for at in (each["y_m"], each["y_m"] + each["width_m"])]
+    across = _find_edges(site, "lane", "walkway", "edge")
     low, high = (min(across), max(across)) if across else extent["y_m"]
     for each in control:
         place = each["x_m"], each["y_m"]

@@ -18,8 +18,7 @@ from service.http import answers, auth, changes, lookup, models, operations, tab
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, located, wrong
-from service.jobs.routes import reply_queued
-from service.jobs.schemas import JobAnswer
+from service.jobs.routes import QUEUES, reply_queued
 from service.measurements.lists import GeoJson
 from service.roads import schemas, words
 from store import jobs
@@ -30,33 +29,17 @@ from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
 
 Number = Annotated[int, Path(ge=1, le=1_000_000)]
-_COLUMNS: Final = (
-    *("name", "x_m", "y_m", "quantity", "unit", "value"),
-    *(f"value_{number}" for number in range(2, 10)),
-    *("meter_id", "part", "taken_at", "left_out", "u_rel"),
-)
-_NEEDED: Final = frozenset(_COLUMNS[:6])
+_VALUES: Final = ("value", *(f"value_{number}" for number in range(2, 10)))
+_COLUMNS: Final = (*_VALUES, *(set(schemas.RoadPoint.model_fields) - {"values"}))
+_NEEDED: Final = frozenset({"name", "x_m", "y_m", "quantity", "unit", "value"})
 _KIND: Final = tables.Kind(
-    numbers=frozenset(name for name in _COLUMNS if name.startswith(("x_m", "y_m", "value", "u_rel"))),
-    most=schemas.MOST_POINTS,
-    rows_are="points",
+    numbers=frozenset({"x_m", "y_m", "u_rel", *_VALUES}), most=schemas.MOST_POINTS, rows_are="points"
 )
 _MANY: Final = TypeAdapter(Annotated[list[schemas.RoadPoint], Field(max_length=schemas.MOST_POINTS)])
-_EXAMPLE: Final = {
-    "name": "P1",
-    "x_m": 1.5,
-    "y_m": 1.8,
-    "quantity": "illuminance",
-    "unit": "lx",
-    "values": [49.1],
-}
-_SCHEMA: Final = {
-    "type": "array",
-    "items": schemas.RoadPoint.model_json_schema(),
-    "maxItems": schemas.MOST_POINTS,
-}
+_POINT: Final = {"name": "P1", "x_m": 1.5, "y_m": 1.8, "quantity": "illuminance", "unit": "lx"}
+_ITEMS: Final = {"items": schemas.RoadPoint.model_json_schema(), "maxItems": schemas.MOST_POINTS}
 _CONTENT: Final = {
-    "application/json": {"schema": _SCHEMA, "example": [_EXAMPLE]},
+    "application/json": {"schema": {"type": "array"} | _ITEMS, "example": [_POINT | {"values": [49.1]}]},
     "text/csv": {"schema": {"type": "string"}},
 }
 
@@ -153,7 +136,8 @@ async def _read_points(request: Request) -> list[schemas.RoadPoint]:
 
 def _name_fields(columns: list[str]) -> list[str]:
     if not _NEEDED <= set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
-        message = f"must name each of the columns {', '.join(_COLUMNS)} once (only the first six are needed)"
+        optional = ", ".join(sorted(set(_COLUMNS) - _NEEDED))
+        message = f"must name each of {', '.join(sorted(_NEEDED))} once, and may name {optional}"
         raise tables.refuse_columns(message, columns)
     return columns
 
@@ -196,9 +180,7 @@ def get_road_points(road_id: lookup.Id, caller: auth.Reader, context: UsesContex
     return schemas.RoadPoints.model_validate({"items": row.points}).respond()
 
 
-@router.post(
-    "/{road_id}/evaluate", status_code=202, response_model=JobAnswer, responses=answers.problems(404, 409)
-)
+@router.post("/{road_id}/evaluate", **QUEUES, responses=answers.problems(404, 409))
 def evaluate_road(road_id: lookup.Id, caller: auth.Uploader, writing: changes.Writes) -> Response:
     """Evaluate a road as it is stated now. The job's result names the evaluation.
 
@@ -386,18 +368,12 @@ def _state_road(session: Session, row: Road) -> site.Road:
     meters: dict[str, site.Meter] = {}
     control = []
     for stored in row.points:
-        meter = session.get_one(Meter, stored["meter_id"]) if "meter_id" in stored else None
-        named = f"{meter.make} {meter.model} {meter.serial}" if meter else "meter without name"
-        u, k = (
-            (meter.certificate_expanded_uncertainty_rel, meter.certificate_coverage_factor)
-            if meter
-            else (None, None)
-        )
-        meters[named] = site.Meter(meter=named, u_rel=u / k if u and k else None)
+        meter = _state_meter(session.get_one(Meter, stored["meter_id"]) if "meter_id" in stored else None)
+        meters[meter.meter] = meter
         factor = schemas.SI[stored["unit"]]
         stated = {name: each for name, each in stored.items() if name not in {"unit", "meter_id"}}
         values = [factor * value for value in stored["values"]]
-        control.append(decode(site.ControlPoint, stated | {"values": values, "meter": named}))
+        control.append(decode(site.ControlPoint, stated | {"values": values, "meter": meter.meter}))
     return site.Road(
         site=decode(site.Site, row.site),
         requirement=decode(site.Requirement, row.requirement),
@@ -406,3 +382,11 @@ def _state_road(session: Session, row: Road) -> site.Road:
         meters=tuple(meters.values()),
         hidden=tuple(row.hidden),
     )
+
+
+def _state_meter(row: Meter | None) -> site.Meter:
+    if row is None:
+        return site.Meter(meter="meter without name", u_rel=None)
+    u, k = row.certificate_expanded_uncertainty_rel, row.certificate_coverage_factor
+    name, number = f"{row.make} {row.model} {row.serial}", row.certificate_number
+    return site.Meter(meter=name, u_rel=u / k if u and k else None, certificate=number)

@@ -76,7 +76,7 @@ def write_measurement(
         parameters={name: value for name, value in parameters.items() if name != "why"},
         result=measured | {"why": parameters["why"]},
         result_schema=RESULT_SCHEMA,
-        software=_software(),
+        software=describe_software(),
         content_sha256=hash_content(frame, calibration, parameters),
         map_tif_sha256=products.tif.sha256 if products else None,
         map_png_sha256=products.png.sha256 if products else None,
@@ -90,7 +90,7 @@ def write_measurement(
 
 
 @cache
-def _software() -> dict[str, Any]:
+def describe_software() -> dict[str, Any]:
     packages = ("numpy", "rawpy", "imagecodecs", "isal", "tifffile", "pillow")
     return {"stilb": software.read_version(), "measurer": software.MEASURER} | {
         name: package_version(name) for name in packages

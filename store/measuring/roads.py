@@ -17,6 +17,7 @@ from store import files, software
 from store.blobs import StoredBlob
 from store.codec import decode_exposure, decode_header, encode, read_applied
 from store.measuring.plan import read_proof, require_read, require_whole
+from store.measuring.record import describe_software
 from store.measuring.version import choose_version, find_falloff, read_lens
 from store.publications import in_force
 from store.queries.frame_times import FrameClocks
@@ -126,7 +127,7 @@ def write_result(
         inputs=parameters,
         result=result,
         result_schema=RESULT_SCHEMA,
-        software={"stilb": software.read_version(), "measurer": software.MEASURER},
+        software=describe_software(),
         content_sha256=content_sha256,
         map_png_sha256=picture.sha256 if picture else None,
         created_by=by,

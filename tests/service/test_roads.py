@@ -272,7 +272,7 @@ def test_points_map_and_papers_of_an_evaluation(house, evaluated):
     pdf = house.http.get(links["report.pdf"]).content
     report = read_pdf(pdf)
     assert len(report) == 2
-    for words in ("Conforms against class C4", "EN 13201-2:2015", "T-10A 40027731", "N = 10"):
+    for words in ("Conforms against class C4", "EN 13201-2:2015", "T-10A 40027731", "E-2026-0118", "N = 10"):
         assert words in report[0], words
     for words in ("Average Eav", "P8", "Measured by"):
         assert words in report[1], words

@@ -10,7 +10,7 @@ from radiometry.findings import InputRejected
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.field import Rows, light_evenly, solve_field
 from radiometry.road.results import Model
-from radiometry.road.site import Conditions, Criterion, Meter
+from radiometry.road.site import Conditions, Criterion, Meter, Strip
 from tests.radiometry.road.simulated import SCALE, draw_road, survey
 
 
@@ -90,6 +90,24 @@ def test_the_meter_behind_k_is_worth_less_at_the_points():
         figure = get_figure(evaluate_road(road, points, readings, scale=scale), "e_av")
         u_rel[meter] = figure.standard_uncertainty / figure.value
     assert u_rel["lux"] > 1.1 * u_rel["another"]
+
+
+def test_edge_ratio_is_that_of_the_lamps():
+    """The worse side's mean beside the lanes over that of as wide a strip within."""
+    held = []
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        truth = draw_road(random)
+        edges = (Strip(name=n, kind="edge", y_m=y, width_m=3.5) for n, y in (("near", -3.5), ("far", 7.0)))
+        truth.site = dataclasses.replace(truth.site, strips=(*truth.site.strips, *edges))
+        road, points, readings, scale, light = survey(truth, random)
+        figure = get_figure(evaluate_road(road, points, readings, scale=scale), "eir")
+        parts = np.array([each.part for each in points])
+        sides = [(light[parts == n].mean(), light[parts == f"{n} (inside)"].mean()) for n in ("near", "far")]
+        true = min(beside / within for beside, within in sides)
+        held.append(figure.low < true < figure.high)
+        assert figure.expanded_uncertainty < 0.05 * true
+    assert sum(held) >= 5
 
 
 @pytest.mark.parametrize("b1", [-0.3, 0.3])
