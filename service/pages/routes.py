@@ -18,6 +18,7 @@ from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
 from service.roads import routes as roads
 from service.roads.drawing import draw_map
+from service.tools.routes import describe_tools
 from store.queries import calibrations, evidence, fleet
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig, Road
 
@@ -220,7 +221,7 @@ def show_road_map(
     return send_svg(draw_map(result, png, is_upright=upright, layers=layers.split(",")))
 
 
-_TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposure"}
+_TOOLS: Final = {name: name.capitalize() for name in describe_tools()}
 
 
 @router.get("/tools/{tool}")

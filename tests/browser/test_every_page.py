@@ -8,6 +8,7 @@ from fastapi.routing import iter_route_contexts
 from playwright.sync_api import expect
 
 from service.http.app import PAGES
+from service.tools.routes import describe_tools
 from tests.support.browser import DIALOG, WIDTHS, check_access, launch, look, settle, sign_in, visit
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
@@ -30,7 +31,7 @@ def list_addresses(path, night) -> list[str]:
         "campaign_id": [night.campaign_id, night.measured_id],
         "calibration_id": [night.version.id],
         "measurement_id": [night.new.id],
-        "tool": ["motion", "coverage", "exposure"],
+        "tool": [*describe_tools()],
         "name": ["errors"],
     }
     query = f"?old={night.old.id}&new={night.new.id}" if path.endswith("/comparison") else ""
