@@ -1,8 +1,8 @@
 """Sites and points of a road as GeoJSON, in longitude and latitude, or in metres where no place is known."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -52,15 +52,10 @@ def write_site(site: Site) -> dict[str, Any]:
         Luminaires and surfaces.
     """
     low, high = site.field_m
-    features = [
-        _write(
-            site,
-            "LineString",
-            [(row.first_x_m, row.y_m), (row.first_x_m + row.spacing_m, row.y_m)],
-            {"kind": "row", "height_m": row.height_m},
-        )
-        for row in site.rows
-    ]
+    features = []
+    for row in site.rows:
+        ends = [(row.first_x_m + along, row.y_m) for along in (0.0, row.spacing_m)]
+        features.append(_write(site, "LineString", ends, {"kind": "row", "height_m": row.height_m}))
     for strip in site.strips:
         far = strip.y_m + strip.width_m
         corners = [(low, strip.y_m), (high, strip.y_m), (high, far), (low, far)]
@@ -110,30 +105,20 @@ def read_site(document: Mapping[str, Any]) -> Site:
         FeatureCollection.
     """
     try:
-        lines, polygons = [], []
-        for feature in document["features"]:
-            geometry = feature["geometry"]
-            if geometry["type"] == "LineString":
-                lines.append((np.array(geometry["coordinates"], np.float64)[:, :2], feature["properties"]))
-            elif geometry["type"] == "Polygon":
-                ring = np.array(geometry["coordinates"][0], np.float64)[:-1, :2]
-                polygons.append((ring, feature["properties"]))
+        lines, polygons = (list(_list_shapes(document, kind)) for kind in ("LineString", "Polygon"))
         origin = None
         if document.get("coordinates", "deg") == "deg":
             origin = _find_origin(lines[0][0], polygons[0][0])
-            lines = [(place_on_road(origin, places), stated) for places, stated in lines]
-            polygons = [(place_on_road(origin, places), stated) for places, stated in polygons]
+            lines, polygons = (
+                [(place_on_road(origin, places), stated) for places, stated in each]
+                for each in (lines, polygons)
+            )
+        areas = [(ring, stated) for ring, stated in polygons if stated["kind"] == "area"]
         return Site(
             rows=tuple(_read_row(places, float(stated["height_m"])) for places, stated in lines),
             strips=tuple(_read_strip(ring, p) for ring, p in polygons if p["kind"] != "area"),
             areas=tuple(
-                Area(
-                    name=str(p["name"]),
-                    corners_m=tuple((x, y) for x, y in np.round(ring, 4).tolist()),
-                    surface=str(p.get("surface", "asphalt")),
-                )
-                for ring, p in polygons
-                if p["kind"] == "area"
+                Area(**_name(p), corners_m=tuple(map(tuple, np.round(r, 4).tolist()))) for r, p in areas
             ),
             origin=origin,
         )
@@ -144,29 +129,36 @@ def read_site(document: Mapping[str, Any]) -> Site:
         ) from None
 
 
+def _list_shapes(document: Mapping[str, Any], kind: str) -> Iterator[tuple[Array, Mapping[str, Any]]]:
+    """Yield places and properties of the lines, or of the polygons without their last corner."""
+    for feature in document["features"]:
+        geometry = feature["geometry"]
+        if geometry["type"] == kind:
+            places = geometry["coordinates"][0][:-1] if kind == "Polygon" else geometry["coordinates"]
+            yield np.array(places, np.float64)[:, :2], feature["properties"]
+
+
 def _find_origin(line_deg: Array, polygon_deg: Array) -> Origin:
     longitude, latitude = line_deg[0].tolist()
     start = Origin(longitude_deg=longitude, latitude_deg=latitude, bearing_deg=0.0, y_to_the_right=True)
     north, east = place_on_road(start, line_deg[1:2])[0].tolist()
-    bearing = math.degrees(math.atan2(east, north)) % 360.0
-    ahead = Origin(longitude_deg=longitude, latitude_deg=latitude, bearing_deg=bearing, y_to_the_right=True)
-    is_right = bool(place_on_road(ahead, polygon_deg)[:, 1].mean() >= 0.0)
-    return Origin(
-        longitude_deg=longitude, latitude_deg=latitude, bearing_deg=bearing, y_to_the_right=is_right
-    )
+    ahead = replace(start, bearing_deg=math.degrees(math.atan2(east, north)) % 360.0)
+    return replace(ahead, y_to_the_right=bool(place_on_road(ahead, polygon_deg)[:, 1].mean() >= 0.0))
+
+
+def _name(stated: Mapping[str, Any]) -> dict[str, str]:
+    return {"name": str(stated["name"]), "surface": str(stated.get("surface", "asphalt"))}
+
+
+def _round(places_m: Array) -> tuple[tuple[float, float], ...]:
+    return tuple((x, y) for x, y in np.round(places_m, 4).tolist())
 
 
 def _read_row(places_m: Array, height_m: float) -> Row:
-    (x, y), (to, _) = np.round(places_m[:2], 4).tolist()
+    (x, y), (to, _) = _round(places_m[:2])
     return Row(y_m=y, height_m=height_m, spacing_m=to - x, first_x_m=x)
 
 
 def _read_strip(ring_m: Array, stated: Mapping[str, Any]) -> Strip:
     near, far = np.round([ring_m[:, 1].min(), ring_m[:, 1].max()], 4).tolist()
-    return Strip(
-        name=str(stated["name"]),
-        kind=stated["kind"],
-        y_m=near,
-        width_m=far - near,
-        surface=str(stated.get("surface", "asphalt")),
-    )
+    return Strip(**_name(stated), kind=stated["kind"], y_m=near, width_m=far - near)

@@ -20,6 +20,7 @@ _DECISIONS: Final = {
     "simple": "Simple acceptance: the uncertainty is not taken into account",
     "shared_risk": "Shared risk: simple acceptance with an agreed largest uncertainty",
 }
+_PLACED: Final = {"marks": "marked points", "position": "the frames' own position"}
 _UNKNOWN: Final = "not recorded"
 _FOOTER: Final = (
     "Relates only to the stretch, date and conditions named here. May be reproduced only in full."
@@ -109,10 +110,11 @@ def _first_page(result: Node, requirement: Node, stated: Node) -> Iterator[Node]
     }
     yield _state("3  Conditions", about_night)
     yield section("4  Instruments and traceability", [_tabulate_instruments(result)])
+    ways = " and ".join(sorted({_PLACED[each["placed_by"]] for each in result["frames"]}))
     about_grid = {
         "Rule": f"{requirement['rule']}: N = {grid['along']}, D = {grid['along_m']:.2f} m along, "
         f"d = {grid['across_m']:.3f} m across; {grid['points']} points",
-        "Place of the map": f"± {grid['place_u_m']:.2f} m; at most a third of the spacing, "
+        "Place of the map": f"by {ways}, ± {grid['place_u_m']:.2f} m; at most a third of the spacing, "
         f"{grid['place_limit_m']:.2f} m",
         "View": f"at most {grid['view_deg']:.0f}° off nadir; limit 20°",
     }

@@ -339,6 +339,7 @@ def _list_frames(session: Session, row: RoadResult) -> list[schemas.EvaluatedFra
                 calibration_state=status[version.id].state,
                 camera=f"{camera.make} {camera.model} {camera.serial}",
                 lens=each.get("geometry_id", "none"),
+                placed_by="marks" if "marks" in each else "position",
             )
         )
     return found

@@ -199,6 +199,9 @@ class EvaluatedFrame(Answer):
     certificate: str | None = maybe("Number of the version's certificate, the newest one.")
     camera: str = told("Make, model and serial number.")
     lens: str = told("`none`, or the id of the geometry version that its distortion was corrected with.")
+    placed_by: Literal["marks", "position"] = told(
+        "`position`: by position, height and attitude of its file."
+    )
 
 
 class MapExtent(Answer):
