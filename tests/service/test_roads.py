@@ -251,6 +251,17 @@ def test_a_frame_without_marks_is_placed_by_its_own_position(house, road):
     assert "Mark four or more points" in flag["action"]
 
 
+def test_frames_of_another_place_are_refused_by_name(house, road):
+    far = [each | {"x_m": each["x_m"] + 500.0} for each in MARKS]
+    frames = [{"frame_id": each["frame_id"], "marks": far} for each in road["frames"]]
+    path = f"/v1/roads/{road['id']}"
+    house.http.patch(path, json={"frames": frames})
+    job = house.post(f"{path}/evaluate", None, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert (job["state"], job["error"]["code"]) == ("failed", "road_not_seen")
+
+
 def test_a_wrong_control_point_is_named_and_not_used(house, road):
     path = f"/v1/roads/{road['id']}/points"
     points = house.get(path)["items"]

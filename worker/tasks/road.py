@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files
+from radiometry.road import codes
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import lay_points
 from radiometry.road.rules import find_rule
@@ -36,6 +37,8 @@ def evaluate(context: Context, claim: jobs.Claim) -> Outcome:
     for number, each in enumerate(plan["frames"], start=1):
         seen.append(_read_frame(context, reader, each))
         context.leases.report(claim, 0.9 * number / len(plan["frames"]))
+    if not reader.scales:
+        raise codes.ROAD_NOT_SEEN.refuse("No frame shows a point of the road.")
     readings = [reading for one in seen for reading in one.readings]
     result = evaluate_road(stated, points, readings, scale=choose_scale(reader.scales))
     png, shown = draw_road(reader.view, [one.above_cd_m2 for one in seen], result)
