@@ -5,7 +5,7 @@ from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-FIT_CODE_VERSION = "0.1.14"
+FIT_CODE_VERSION = "0.1.15"
 """Fit code version: `software.stilb` of a calibration version, and part of its content hash.
 
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
@@ -14,7 +14,7 @@ It is not the version of the product: a release that fits as before keeps it, an
 MEASURER = "measure-10"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
-EXTRACTOR = "extract-4"
+EXTRACTOR = "extract-5"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 

@@ -103,7 +103,8 @@ def _climb(
         slope, expected, observed = _find_slope(factored)
         free = sought & ((estimates > 0.0) | (slope > 0.0))
         step = _find_step(estimates, slope, expected, free)
-        if _compare(step, estimates) < _NEAR_REL and np.linalg.eigvalsh(observed)[0] > 0.0:
+        near = free.any() and _compare(step, estimates) < _NEAR_REL
+        if near and np.linalg.eigvalsh(observed[np.ix_(free, free)])[0] > 0.0:
             step = _find_step(estimates, slope, observed, free)
         last = _compare(step, estimates) < _LAST_STEP_REL
         reached, factored = _advance(at, estimates, step, factored, certain=last)

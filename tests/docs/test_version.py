@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.14"
-    expected = "a9f99972f4f19607f6e54569f26e9e254dc33da2edd125d8d9d314dfab3671e9"
+    assert software.FIT_CODE_VERSION == "0.1.15"
+    expected = "2da0d14ec64c665e4cf344c0f74396f5c1bfd1135069082ccabd909352528cbd"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -19,6 +19,7 @@ from radiometry.fitting.sources import (
 from radiometry.luminance import codes
 from radiometry.luminance.rows import Params
 from tests.radiometry.campaigns import TRUE_K, draw
+from tests.radiometry.evidence import SPAN, K, dark, light, reading
 from tests.radiometry.luminance.exact import fit, raised
 
 PLAIN = Params(f_number_u_rel=0.015)
@@ -64,6 +65,29 @@ def test_without_outliers_nothing_is_lost():
     plain, robust = (fit(drawn.rows, drawn.readings, params) for params in (PLAIN, ROBUST))
     assert robust.iso_fits == plain.iso_fits
     assert raised(robust, codes.OUTLIERS_DISCOUNTED) == []
+
+
+def test_readings_without_scatter_do_not_keep_the_weights_from_converging():
+    """One frame of seven scenes of four is off by a fifth: its weight makes the readings' variance 0."""
+    random = np.random.default_rng(5)
+    off = 1.0 + 0.005 * random.standard_normal(4)
+    lights = np.geomspace(50.0, 0.5, 7)
+    rows = []
+    for level in lights:
+        for a, wrong in zip((2.8, 4.0, 5.6, 8.0), off, strict=True):
+            time_s = float(f"{0.4 * SPAN * a * a / (K * 3200 * level):.2g}")
+            signal = K * time_s * 3200 * level / a**2 * (1 + 0.003 * random.standard_normal()) / wrong**2
+            signal = (signal + 0.2 * random.standard_normal()) * (1.2 if len(rows) == 9 else 1.0)
+            rows.append(light(f"{level}", a, time_s=time_s, luminance=level, signal_dn=signal))
+    rows += [
+        dark(f"{t}-{n}", time_s=t, mean_dn=256 + 0.2 * random.normal()) for t in (0.01, 1.0) for n in "abc"
+    ]
+    readings = [reading(f"{each}", each * (1 + 0.005 * random.standard_normal())) for each in lights]
+    robust = fit(rows, readings, Params(estimator="robust"))
+    narrow = robust.iso_fits[0].coefficient
+    assert [p.frame for p in robust.points if p.robust_weight < 0.1] == [rows[9].frame]
+    assert narrow.frame_scatter_rel == pytest.approx(0.003, rel=0.5)
+    assert abs(narrow.luminance_k - K) < narrow.expanded_uncertainty
 
 
 def test_one_frame_per_scene():
