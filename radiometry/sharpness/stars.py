@@ -75,6 +75,8 @@ _WIDTH_REL = 0.05
 _WIDTH_SAMPLES = 1.5
 _STAR_SHARE = 0.7
 _LEAST_EXPLAINED = 0.4
+_NEIGHBOURS = 3
+_STEEPEST = 8.0  # d ln M / d ln f of a Gaussian blur where its contrast is 2 %
 
 
 def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radius_px: float) -> StarResponse:
@@ -85,9 +87,10 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
         I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
 
     Noise makes b and c larger than they are: the variance of both is subtracted from their squares. All
-    directions together are the root of the mean square. The contrast is M relative to that of the six
-    outermost rings of the star, whose own blur is left in. A star of bars has a fundamental 4/pi as large,
-    which cancels. Rings end at the channel's Nyquist frequency.
+    directions together are the root of the mean square, from which is taken what a ring's width of 2 w r adds
+    to a contrast that falls as a Gaussian blur's does, 1 + (w d ln M / d ln f)^2 / 6. The contrast is M
+    relative to that of the six outermost rings of the star, whose own blur is left in. A star of bars has a
+    fundamental 4/pi as large, which cancels. Rings end at the channel's Nyquist frequency.
 
     [1] ISO 12233:2023 annex E (s-SFR)
     """
@@ -99,6 +102,8 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     radii = np.geomspace(inner_px, radius_px, _RINGS)[::-1]
     square, variance, explained = _fit_rings(plane, radii, cycles=cycles, centre=centre)
     mean = np.sqrt(np.maximum(0.0, np.mean(square, axis=1)))
+    excess = _find_excess(mean, radii, plane.pitch_px)
+    mean, square, variance = mean / excess, square / excess[:, None] ** 2, variance / excess[:, None] ** 2
     outer = int(np.flatnonzero(mean >= _STAR_SHARE * mean.max())[0])
     _require_span(float(radii[outer]), inner_px, plane.channel)
     reference = slice(outer, outer + _REFERENCE_RINGS)
@@ -144,6 +149,20 @@ def _describe(contrast: Vector, u: Vector, *, direction_deg: float | None) -> Co
     )
 
 
+def _find_half_width(radius: float, pitch_px: float) -> float:
+    return max(_WIDTH_SAMPLES * pitch_px, _WIDTH_REL * radius) / 2.0
+
+
+def _find_excess(modulation: Vector, radii: Vector, pitch_px: float) -> Vector:
+    """Return by which factor the mean over each ring's width exceeds the modulation at its radius."""
+    width = np.array([_find_half_width(radius, pitch_px) / radius for radius in radii])
+    at = np.arange(radii.size)
+    outside, inside = np.maximum(at - _NEIGHBOURS, 0), np.minimum(at + _NEIGHBOURS, radii.size - 1)
+    fall = (modulation[outside] - modulation[inside]) / np.log(radii[outside] / radii[inside])
+    slope = np.minimum(fall / np.maximum(modulation, 1e-9), _STEEPEST)
+    return np.asarray(1.0 + (width * slope) ** 2 / 6.0, np.float64)
+
+
 def _fit_rings(
     plane: Plane, radii: Vector, *, cycles: int, centre: tuple[float, float]
 ) -> tuple[Vector, Vector, Vector]:
@@ -162,7 +181,7 @@ def _fit_rings(
     square, variance = np.zeros((radii.size, SECTORS)), np.zeros((radii.size, SECTORS))
     explained = np.zeros(radii.size)
     for ring, radius in enumerate(radii):
-        half = max(_WIDTH_SAMPLES * plane.pitch_px, _WIDTH_REL * radius) / 2.0
+        half = _find_half_width(radius, plane.pitch_px)
         part = slice(*np.searchsorted(distance, (radius - half, radius + half)))
         for each in range(SECTORS):
             chosen = sector[part] == each
