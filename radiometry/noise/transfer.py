@@ -213,14 +213,18 @@ def _weigh_softness(seen: Sequence[tuple[Level, Variance]], top: Level, end_dn: 
     of their mean, exp(-chi^2 / 2), where all are as likely before. The form of the end is not known: a share
     of what softness lowers the maximum is part of the uncertainty.
     """
-    usual = [each.value_dn2 / level.signal_dn for level, each in seen if level.signal_dn < 0.7 * end_dn]
-    slope = float(np.median(usual)) if usual else seen[0][1].value_dn2 / seen[0][0].signal_dn
+    usual = [pair for pair in seen if pair[0].signal_dn < 0.7 * end_dn] or seen[:1]
+    slope = float(np.median([each.value_dn2 / level.signal_dn for level, each in usual]))
     spread = math.sqrt(max(0.0, top.lit.pattern.value_dn2)) / top.signal_dn if top.lit.pattern else 0.0
     shown = [(level, each) for level, each in seen if 0.5 * end_dn < level.signal_dn < end_dn]
     maxima, misfits = [], []
     for softness in _SOFTNESS:
         means, variances = _trace_end(slope, spread, end_dn, softness)
         maxima.append(float(means[variances.argmax()]))
+        # a soft end begins to take from the variance far below it
+        variances *= np.median(
+            [each.value_dn2 / np.interp(level.signal_dn, means, variances) for level, each in usual]
+        )
         misfits.append(
             math.fsum(
                 (each.value_dn2 - float(np.interp(level.signal_dn, means, variances))) ** 2
@@ -240,7 +244,7 @@ def _trace_end(slope: float, spread: float, end_dn: float, softness: float) -> t
 
     Light x fills end - s ln(1 + exp((end - x) / s)), s = `softness` end; ``spread``: that of the pixels.
     """
-    light = end_dn * np.linspace(0.5, 1.3, 161)[:, None, None]
+    light = end_dn * np.linspace(0.0, 1.3, 262)[1:, None, None]
     own = light * (1.0 + spread * scipy.special.ndtri(_NINE)[:, None])
     missing = end_dn - own - np.sqrt(slope * own) * scipy.special.ndtri(_FORTY)
     seen = end_dn - softness * end_dn * np.logaddexp(0.0, missing / (softness * end_dn))
