@@ -10,8 +10,8 @@ API says, and nothing is drawn twice. To add one:
    module), `head` and `module`. `parts.html` has the macros; `visitor` is who is signed in. The policy
    (`service/http/middleware.py`) refuses inline scripts, styles and handlers.
 
-3. `static/pages/<name>.js`, in the block `module`. It stands on `dom.js` (elements), `api.js` (requests),
-   `states.js` (loading, empty, failed), `live.js` (what goes on), `format.js`, `ask.js` (dialogs) and
+3. `static/pages/<name>.js`, in the block `module`. It stands on `dom.js` (elements, regions), `api.js`
+   (requests, jobs), `format.js`, `ask.js` (forms and dialogs) and
    `plots.js`. Text goes into the page as text: `h()` takes no HTML. Offer nothing that the key may not do.
 
 4. `static/stilb.css` has the colours (custom properties, light and dark) and the common forms. What one page

@@ -68,11 +68,12 @@ class Canvas:
 
 
 def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequence[str] = ()) -> str:
-    """Draw an evaluation, as it is answered, on its map. ``layers`` : grid, isolux, points; else all."""
-    shown = layers or ("grid", "isolux", "points")
+    """Draw an evaluation, as it is answered, on its map. ``layers`` : e, grid, isolux, points; else all."""
+    shown = layers or ("e", "grid", "isolux", "points")
     site, extent = result["stated"]["site"], result["map"]
     canvas = Canvas(extent["x_m"], extent["y_m"], is_upright=is_upright)
-    canvas.picture(png)
+    if "e" in shown:
+        canvas.picture(png)
     _draw_site(canvas, site, extent, 'stroke="#ffffff" stroke-width="1.5"')
     points = {each["name"]: each for each in result["points"]}
     if "isolux" in shown:

@@ -3,6 +3,7 @@
 import hashlib
 from typing import Annotated, Final
 
+import numpy as np
 from fastapi import Depends, Path, Query, Request, Response
 from pydantic import Field, TypeAdapter, ValidationError
 from sqlalchemy import select
@@ -11,9 +12,11 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.road import geojson, rules, site
 from radiometry.road.grid import lay_points
+from radiometry.road.placing import Mark, place_frame
 from radiometry.road.plan import plan_points
 from radiometry.road.results import Plan
 from radiometry.road.results import RoadResult as Evaluated
+from service.frames.routes import require_header
 from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
@@ -21,12 +24,14 @@ from service.http.problems import Problem, invalid, located, wrong
 from service.jobs.routes import QUEUES, reply_queued
 from service.measurements.lists import GeoJson
 from service.roads import schemas, words
+from service.tools.routes import stateless
 from store import jobs
 from store.codec import decode, drop_absent, encode
-from store.measuring.roads import plan_evaluation
+from store.measuring.roads import plan_camera, plan_evaluation, read_camera
 from store.publications import list_issued
 from store.queries.calibrations import read_version_statuses
-from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
+from store.queries.frame_times import FrameClocks
+from store.tables import Calibration, Camera, Campaign, FrameRow, Meter, Road, RoadResult
 
 Number = Annotated[int, Path(ge=1, le=1_000_000)]
 _VALUES: Final = ("value", *(f"value_{number}" for number in range(2, 10)))
@@ -178,6 +183,30 @@ def get_road_points(road_id: lookup.Id, caller: auth.Reader, context: UsesContex
     with context.database.reading() as session:
         row = lookup.owned(session, Road, road_id, caller)
     return schemas.RoadPoints.model_validate({"items": row.points}).respond()
+
+
+@router.post("/{road_id}/placement", response_model=schemas.PlacementAnswer, dependencies=stateless)
+def place_road_frame(
+    road_id: lookup.Id, body: schemas.RoadFrame, caller: auth.Reader, context: UsesContext
+) -> Response:
+    """Preview the place of a frame by these marks, without stating them."""
+    with context.database.reading() as session:
+        row = lookup.owned(session, Road, road_id, caller)
+        frame = lookup.owned(session, FrameRow, body.frame_id, caller)
+        header, campaign = require_header(frame), session.get_one(Campaign, frame.campaign_id)
+        known = plan_camera(session, FrameClocks(session), frame, campaign)
+        geometry = session.get_one(Calibration, known["geometry_id"]) if "geometry_id" in known else None
+    camera = read_camera(geometry, known, height_px=header["height_px"], width_px=header["width_px"])
+    placed = place_frame(
+        [decode(Mark, each.model_dump(exclude_none=True)) for each in body.marks or ()], camera
+    )
+    grid = lay_points(decode(site.Site, row.site), rules.find_rule(row.requirement["rule"]).grid)
+    return schemas.PlacementAnswer(
+        h=placed.h.tolist(),
+        matrix=camera.matrix.tolist(),
+        distortion=camera.distortion.tolist(),
+        place_u_m=float(placed.estimate_u_m(np.array([(each.x_m, each.y_m) for each in grid])).max()),
+    ).respond()
 
 
 @router.post("/{road_id}/evaluate", **QUEUES, responses=answers.problems(404, 409))

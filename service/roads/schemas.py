@@ -153,6 +153,15 @@ class RoadAnswer(Answer, restates=Road, fields="id name hidden created_at"):
     results: list[RoadResultSummary]
 
 
+class PlacementAnswer(Answer):
+    """Where the road lies in a picture: h takes (x, y, 1) in metres to the rays of the lens."""
+
+    h: list[list[float]] = told("Homography, 3 by 3, to places at unit distance from the lens.")
+    matrix: list[list[float]] = told("Camera matrix, 3 by 3 [px], about the middle of the first pixel.")
+    distortion: list[float] = told("k1, k2, p1, p2, k3 of the geometry in force, or zeros.")
+    place_u_m: float = told("Largest standard uncertainty of the place of a grid point [m].")
+
+
 class RoadRuleAnswer(models.model_of(rules.Rule, Answer)):  # type: ignore[misc]
     """A rule: its figures, with their source and date, and how they were read."""
 

@@ -10,6 +10,8 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame.pose import GroundHeight, find_pose
 from radiometry.road import codes
+from radiometry.road.placing import Camera as LensCamera
+from radiometry.road.placing import PlainCamera
 from radiometry.road.site import Road as StatedRoad
 from radiometry.road.site import Site
 from radiometry.specification.application import PictureApplication, SurfaceApplication
@@ -24,6 +26,8 @@ from store.queries.frame_times import FrameClocks
 from store.tables import Calibration, Camera, Campaign, FrameRow, Json, Road, RoadResult
 
 RESULT_SCHEMA = 1
+_USUAL_VIEW = 1.0
+"""Focal length over the frame's width where neither geometry nor optics are known: 53 degrees wide."""
 
 
 def plan_evaluation(session: Session, row: Road, stated: StatedRoad) -> Json:
@@ -50,29 +54,45 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json, site: Site)
     if lens is not None:
         channels = application.name_channels(header["cfa"], channel=coefficient.channel)
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
-    geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
-    focal_mm, pitch_um = campaign.focal_length_mm, session.get_one(Camera, campaign.camera_id).pixel_pitch_um
-    focal_px = 1e3 * focal_mm / pitch_um if focal_mm and pitch_um else None
-    pose = {} if "marks" in stated else {"pose": _find_pose(frame, stated, site, geometry or focal_px)}
+    known = plan_camera(session, clocks, frame, campaign)
+    pose = {} if "marks" in stated else {"pose": _find_pose(frame, stated, site, known)}
     return {
         **stated,
         "sha256": frame.sha256,
         "calibration_id": calibration.id,
         "why": why,
         **({falloff.method: {"calibration_id": falloff.id}} if falloff else {}),
-        **({"geometry_id": geometry.id} if geometry else {}),
-        **({"focal_px": focal_px} if focal_px else {}),
+        **known,
         **pose,
     }
 
 
-def _find_pose(frame: FrameRow, stated: Json, site: Site, optics: Calibration | float | None) -> Json:
+def plan_camera(session: Session, clocks: FrameClocks, frame: FrameRow, campaign: Campaign) -> Json:
+    """Return what is known of the camera that places a frame, for `read_camera`."""
+    geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
+    focal_mm, pitch_um = campaign.focal_length_mm, session.get_one(Camera, campaign.camera_id).pixel_pitch_um
+    return {
+        **({"geometry_id": geometry.id} if geometry else {}),
+        **({"focal_px": 1e3 * focal_mm / pitch_um} if focal_mm and pitch_um else {}),
+    }
+
+
+def read_camera(geometry: Calibration | None, known: Json, *, height_px: int, width_px: int) -> LensCamera:
+    """Return the camera of the geometry in force, else one without distortion, by its optics."""
+    if geometry is not None:
+        camera: LensCamera = read_applied(geometry)
+        return camera
+    focal_px = known.get("focal_px", _USUAL_VIEW * width_px)
+    return PlainCamera(focal_px=focal_px, height_px=height_px, width_px=width_px)
+
+
+def _find_pose(frame: FrameRow, stated: Json, site: Site, optics: Json) -> Json:
     """Return the own place of a frame without marks, as far as all that it takes is known."""
     heights = {name: each for name, each in stated.items() if name.startswith("height_")}
     found = find_pose(decode_header(frame.header or {}), GroundHeight(**heights))
     if site.origin is None:
         found = "the site has no origin"
-    if optics is None:
+    if not optics:
         found = "the camera has no geometry in force, and its focal length and pixel pitch are not stated"
     if isinstance(found, str):
         raise codes.PLACE_UNDETERMINED.refuse(f"Frame {frame.filename} has no marks, and {found}.")

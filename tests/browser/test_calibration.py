@@ -45,7 +45,7 @@ SIDES = ("x", "width"), ("y", "height")
 # the dialog for a refit of any version, whatever the page shows
 REFIT = """(calibration) => {
     const page = document.querySelector("script[type=module]").src;
-    import(page.replace("page.js", "refit.js")).then(({ fitAnew }) => fitAnew(calibration));
+    import(page.replace("page.js", "decide.js")).then(({ fitAnew }) => fitAnew(calibration));
 }"""
 # as if the time had passed that an answer may take
 IMPATIENT = (
@@ -54,7 +54,7 @@ IMPATIENT = (
 # the parameters of a version in words
 FACTS = """async ([method, values]) => {
     const page = document.querySelector("script[type=module]").src;
-    const { parameterFacts } = await import(page.replace("calibration/page.js", "parameter.js"));
+    const { parameterFacts } = await import(page.replace("calibration/page.js", "campaign/parameters.js"));
     const { methodOf } = await import(page.replace("calibration/page.js", "methods.js"));
     return parameterFacts(values, methodOf(method).parameters).textContent;
 }"""
@@ -106,6 +106,8 @@ def test_what_was_found_stands_there_with_its_uncertainty(shown, night):
     expect(shown.locator("#budget")).to_contain_text(re.compile(r"u = 2\.2 %.*f-number 2\.1 %"))
     lower = shown.get_by_role("list", name="What would lower it, at best").get_by_role("listitem")
     expect(lower.filter(has_text="Measure the true f-numbers")).to_contain_text("2.2 % → 0.70 %")
+    frames = lower.filter(has_text="Measure the true f-numbers").get_by_role("link", name="Add frames")
+    expect(frames).to_have_attribute("href", f"/campaigns/{night.campaign_id}")
     shown.get_by_role("button", name="ISO 6400", exact=True).click()
     expect(shown.locator("#budget caption")).to_have_text("Budget of ISO 6400")
     expect(shown.locator("#made")).to_contain_text(re.compile("[0-9a-f]{64}"))

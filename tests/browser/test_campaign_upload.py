@@ -149,7 +149,7 @@ def test_hashes_are_right_where_the_browser_has_none(page):
     found = page.evaluate(
         """async sizes => {
             const own = document.querySelector("script[type=module]").src;
-            const { Sha256 } = await import(own.replace("list.js", "sha256.js"));
+            const { Sha256 } = await import(own.replace("list.js", "hash-worker.js"));
             return sizes.map(size => {
                 const bytes = Uint8Array.from({ length: size }, (_, i) => (7 * i) % 256);
                 return new Sha256().update(bytes.subarray(0, 13)).update(bytes.subarray(13)).hex();

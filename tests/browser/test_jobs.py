@@ -5,6 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from tests.browser.test_every_page import check_both
 from tests.support.browser import check_access, look, settle, sign_in, visit
 from tests.support.furnishing import furnish, postpone, set_aside
 
@@ -40,6 +41,17 @@ def test_a_cause_is_dismissed_listed_again_by_a_key_and_tried_again(page, servic
     # it has no frames to fit: the worker says so, and the page without being loaded again
     expect(line).to_contain_text("P-")
     expect(line).not_to_contain_text("worker was lost")
+
+
+def test_finished_jobs_are_a_line_for_each_campaign(night_page):
+    night_page.goto("/jobs")
+    settle(night_page)
+    line = night_page.locator("#recent details").filter(has_text="1 fit")
+    expect(line).to_contain_text(re.compile(r"\d+ frames read.* · median \d+ s"))
+    expect(line.get_by_role("table")).to_be_hidden()
+    line.locator("summary").click()
+    expect(line.get_by_role("table", name="Finished jobs")).to_contain_text("succeeded")
+    check_both(night_page)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -85,6 +85,11 @@ def test_figures_cells_and_what_to_know_stand_there(shown, plane, night):
     expect(shown.locator("#with").get_by_role("link")).to_have_attribute(
         "href", f"/calibrations/{night.version.id}"
     )
+    strip = shown.get_by_role("navigation", name="Measurements of the same night").get_by_role("link")
+    expect(strip).to_have_count(2)
+    expect(strip.and_(shown.locator("[aria-current]"))).to_have_attribute(
+        "href", f"/measurements/{night.new.id}"
+    )
     expect(shown.locator("#budget")).to_contain_text("f-number")
     expect(shown.locator("#better").get_by_role("listitem").first).to_be_visible()
     expect(shown.locator("#flags")).to_contain_text("not at the observer's position of EN 13201")
@@ -97,7 +102,7 @@ def check_large_map(shown, plane):
     read = shown.evaluate(
         """async (id) => {
             const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
-            const { MapValues } = await import(src.replace("page.js", "values.js"));
+            const { MapValues } = await import(src.replace("page.js", "map.js"));
             const squares = await (await fetch(`/v1/measurements/${id}/map.json?step=8`)).json();
             const map = new MapValues(id, squares);
             return { square: map.square(101, 61), pixel: await map.pixel(101, 61) };
@@ -113,7 +118,7 @@ def check_colours(shown):
     anchors = shown.evaluate(
         """async () => {
             const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
-            return (await import(src.replace("page.js", "colours.js"))).ANCHORS;
+            return (await import(src.replace("page.js", "map.js"))).ANCHORS;
         }"""
     )
     assert anchors == ["#{:02x}{:02x}{:02x}".format(*colour) for colour in make_colours()[::15]]

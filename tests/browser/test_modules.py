@@ -1,5 +1,7 @@
 """Modules of the pages by themselves: what they make of data, without a service's answer."""
 
+import cv2
+import numpy as np
 import pytest
 
 LAY_OUT = """async ([base, name, frames, rest]) => {
@@ -19,20 +21,28 @@ FORMAT = """async ([base, name, values]) => {
     const found = await import(`${base}/format.js`);
     return values.map((value) => found[name](value));
 }"""
-HOLDS_FOR = """async ([base, row]) => (await import(`${base}/coefficients.js`)).holdsFor(row)"""
+HOLDS_FOR = """async ([base, row]) => (await import(`${base}/methods.js`)).holdsFor(row)"""
 TIME = """async ([base, at]) => (await import(`${base}/format.js`)).time(at).textContent"""
-IN_ORDER = """async ([base, names]) => (await import(`${base}/groups.js`)).inOrder(names, (name) => name)"""
+IN_ORDER = """async ([base, names]) => (await import(`${base}/format.js`)).inOrder(names, (name) => name)"""
 ISO_VALUES = """async ([base, cases]) => {
     const { isoValues } = await import(`${base}/card/view.js`);
     return cases.map((isos) => isoValues(isos.map((iso) => ({ header: { iso } }))));
 }"""
 REFUSED = """async ([base, frames]) => {
-    const { refusedCauses } = await import(`${base}/campaign/refused.js`);
+    const { refusedCauses } = await import(`${base}/campaign/moves.js`);
     return refusedCauses({ frames }).map(({ mark, title, where }) => [mark, title, where]);
 }"""
 CLOCKS = """async ([base, cases]) => {
-    const { assumed } = await import(`${base}/campaign/in-time.js`);
+    const { assumed } = await import(`${base}/timeline.js`);
     return cases.map(([campaign, ...frames]) => assumed(frames, campaign));
+}"""
+READ_GRID = """async ([base, points, places]) => {
+    const { gridReader } = await import(`${base}/road/map.js`);
+    return places.map((place) => gridReader(points, { across_m: 1 })(...place) ?? null);
+}"""
+PLACED = """async ([base, placement, places]) => {
+    const { toImage, toRoad } = (await import(`${base}/measurement/surface.js`)).placed(placement);
+    return places.map((place) => [toImage(place), toRoad(toImage(place))]);
 }"""
 _AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
 
@@ -201,3 +211,38 @@ def test_what_is_assumed_of_clocks_without_an_offset_is_told(run):
     assert organisation.endswith("is read as Europe/Berlin, as the organisation states; drawn in UTC.")
     assert "drawn as UTC" in silent
     assert nothing == ""
+
+
+def test_a_road_is_read_between_the_points_of_its_grid(run):
+    values = {
+        (0, 0): (10, 0.02, 0.5),
+        (2, 0): (40, 0.04, 1.5),
+        (0, 1): (10, 0.02, 0.5),
+        (2, 1): (40, 0.04, 1.5),
+    }
+    names = ("illuminance_lx", "u_rel", "luminance_cd_m2")
+    points = [
+        {"part": "1", "x_m": x, "y_m": y} | dict(zip(names, each, strict=True))
+        for (x, y), each in values.items()
+    ]
+    middle, point, edge, beside = run(READ_GRID, points, [[1, 0.5], [2, 0], [2.9, 0.5], [3.1, 0.5]])
+    assert middle == pytest.approx({"lux": 20, "u_rel": 0.03, "luminance": 1})  # sqrt(10 * 40)
+    assert point == edge == pytest.approx({"lux": 40, "u_rel": 0.04, "luminance": 1.5})
+    assert beside is None
+
+
+def test_a_place_on_the_road_lies_in_the_picture_as_opencv_has_it(run):
+    h = np.array([[0.05, 0.003, -0.6], [0.002, 0.06, -0.2], [0.0005, 0.001, 1.0]])
+    matrix, bend = (
+        np.array([[900.0, 0, 799.5], [0, 910.0, 599.5], [0, 0, 1]]),
+        np.array([-0.2, 0.05, 1e-3, -2e-3, -0.01]),
+    )
+    places = [[0.0, 0.0], [10.0, 3.0], [22.0, 7.0]]
+    rays = np.column_stack([places, np.ones(3)]) @ h.T
+    seen, _ = cv2.projectPoints(rays / rays[:, 2:], np.zeros(3), np.zeros(3), matrix, bend)
+    stated = {"h": h.tolist(), "matrix": matrix.tolist(), "distortion": bend.tolist()}
+    for place, pixel, (there, back) in zip(
+        places, seen.reshape(-1, 2) + 0.5, run(PLACED, stated, places), strict=True
+    ):
+        assert there == pytest.approx(pixel, abs=1e-6)
+        assert back == pytest.approx(place, abs=1e-4)

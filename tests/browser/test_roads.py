@@ -9,7 +9,16 @@ from tests.browser.test_every_method import Afar
 from tests.browser.test_every_page import check_both
 from tests.support.browser import DIALOG, check_access, look, settle
 from tests.support.campaigns import published_campaign
-from tests.support.roads import MARKS, evaluate, list_points, state_road, write_road_frame
+from tests.support.roads import (
+    MARGIN_M,
+    MARKS,
+    PX_PER_M,
+    SPACING_M,
+    evaluate,
+    list_points,
+    state_road,
+    write_road_frame,
+)
 
 
 @pytest.fixture
@@ -56,6 +65,15 @@ def test_a_road_is_judged_on_its_page(page, road):
     for name in ("Report (PDF)", "Plan card (PDF)"):
         address = page.get_by_role("link", name=name).get_attribute("href")
         assert page.request.get(address).body().startswith(b"%PDF")
+    used = page.request.get(f"/v1/roads/{road['id']}/results/1").json()["frames"][0]
+    page.goto(f"/calibrations/{used['calibration_id']}")
+    settle(page)
+    page.get_by_role("button", name="Revoke…").click()
+    page.get_by_label("Reason").fill("lamp aged")
+    page.get_by_role("button", name="Revoke permanently").click()
+    expect(
+        page.get_by_text(f"Roads that were evaluated with it: {road['name']} (evaluation 1)")
+    ).to_be_visible()
 
 
 @pytest.mark.parametrize("context", ["phone"], indirect=True)
@@ -71,6 +89,86 @@ def test_on_a_telephone_the_road_runs_upward_and_the_result_comes_first(page, ro
     look(page, "road-phone")
 
 
+@pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+def test_the_site_is_drawn_and_changed_over_the_picture(page, team, road):
+    page.goto(f"/roads/{road['id']}")
+    settle(page)
+    site = page.locator("#site")
+    told = site.get_by_role("status")
+    expect(told).to_contain_text("Placed by 6 marks")
+    lamps = site.locator(".site-lamp").evaluate_all(
+        "all => all.map(({cx, cy}) => [cx, cy].map((each) => each.baseVal.value))"
+    )
+    expected = [((x + MARGIN_M) * PX_PER_M, (-1.0 + MARGIN_M) * PX_PER_M) for x in (0.0, SPACING_M)]
+    assert lamps == [pytest.approx(each, abs=0.1) for each in expected]
+    fields = site.get_by_role("group", name="Mark 1")
+    column, row = fields.get_by_label("column [px]"), fields.get_by_label("row [px]")
+    page.get_by_role("button", name=re.compile("^Mark 1:")).focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowDown")
+    expect(column).to_have_value(str(int(MARKS[0]["x_px"]) + 1))
+    expect(row).to_have_value(str(int(MARKS[0]["y_px"]) + 10))
+    expect(told).not_to_contain_text("± 0.03")
+    site.get_by_role("button", name="Undo").click()
+    expect(row).to_have_value(str(int(MARKS[0]["y_px"])))
+    site.get_by_role("button", name="Undo").click()
+    page.get_by_role("button", name="Site", exact=True).click()
+    site.get_by_role("button", name="Add a walkway").click()
+    walkway = site.get_by_role("group", name="walkway 1")
+    expect(walkway.get_by_label("near edge [m]")).to_have_value("6")
+    edge = page.get_by_role("button", name="Edge of walkway 1: 8 m")
+    edge.scroll_into_view_if_needed()
+    box, canvas = edge.bounding_box(), site.locator(".roi-canvas").bounding_box()
+    start = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    per_m = PX_PER_M * canvas["width"] / 608
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0], start[1] + per_m, steps=5)
+    page.mouse.up()
+    assert float(walkway.get_by_label("width [m]").input_value()) == pytest.approx(3.0, abs=2.0 / per_m)
+    site.get_by_role("button", name="Add an area").click()
+    outline = [(5.0, -3.0), (25.0, -3.0), (22.0, 9.5)]
+    for x, y in outline:
+        place = {"x": (x + MARGIN_M) * per_m, "y": (y + MARGIN_M) * per_m}
+        site.locator(".roi-canvas").click(position=place)
+    expect(site.get_by_role("group", name="area 1, corner 3")).to_be_visible()
+    check_both(page)
+    look(page, "road-site")
+    site.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("Saved. Evaluate the road")).to_be_visible()
+    with team.http() as http:
+        kept = http.get(f"/v1/roads/{road['id']}").json()["site"]
+    assert [each["name"] for each in kept["strips"]] == ["1", "2", "walkway 1"]
+    corners = kept["areas"][0]["corners_m"]
+    assert corners == [pytest.approx(each, abs=2.0 / per_m) for each in outline]
+
+
+@pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+def test_the_map_is_read_at_any_place_and_shows_its_uncertainty_and_its_picture(page, road):
+    page.goto(f"/roads/{road['id']}")
+    settle(page)
+    over = page.get_by_role("application", name="Map of the road")
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    over.click(position={"x": box["width"] / 2, "y": box["height"] / 2})
+    said = page.locator("#map output")
+    expect(said).to_contain_text(
+        re.compile(r"\d+\.\d+ ± \d\.?\d* lx \(k = 2, .*L 0\.\d+ cd/m² at 15.0 m along, 3.0 m across")
+    )
+    page.keyboard.press("Shift+ArrowDown")
+    expect(said).not_to_contain_text("15.0 m along, 3.0 m across")
+    for name in ("Uncertainty", "Picture"):
+        page.locator("#layers").get_by_role("button", name=name).click()
+        expect(page.locator("#layers").get_by_role("button", name=name)).to_have_attribute(
+            "aria-pressed", "true"
+        )
+        painted = """({canvas = document.querySelector("#map .map-stage canvas")}) =>
+            new Set(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data).size > 20"""
+        page.wait_for_function(painted, arg={})
+        check_both(page)
+        look(page, f"road-{name.lower()}")
+
+
 def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path):
     with Afar(team, tmp_path) as house:
         published_campaign(house, isos=(3200,))
@@ -83,7 +181,7 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path
     check_access(page, DIALOG)
     for label, value in (
         ("Name", "Mill Road"),
-        ("Width of a lane [m]", "3"),
+        ("Lane width [m]", "3"),
         ("Row of luminaires from the kerb [m]", "-1"),
         ("Power of one spacing [W]", "90"),
         ("Remarks", "lamps of 2024, 6 °C"),
@@ -95,20 +193,22 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path
     expect(page.get_by_role("heading", level=1)).to_have_text("Mill Road")
     settle(page)
     page.get_by_role("button", name="Add a frame…").click()
-    dialog = page.get_by_role("dialog", name="Frame of the road")
-    picture = dialog.get_by_role("img")
-    expect(picture).to_have_js_property("complete", value=True)
+    adds = page.get_by_role("dialog").get_by_role("button", name="Add", exact=True)
+    expect(adds).to_be_visible()
     check_access(page, DIALOG)
-    for mark in MARKS:
-        dialog.get_by_label("Along [m]").fill(str(mark["x_m"]))
-        dialog.get_by_label("Across [m]").fill(str(mark["y_m"]))
-        picture.scroll_into_view_if_needed()
-        box = picture.bounding_box()
-        share = mark["x_px"] / 608, mark["y_px"] / 224
-        picture.click(position={"x": share[0] * box["width"], "y": share[1] * box["height"]})
-    expect(dialog.get_by_role("listitem")).to_have_count(len(MARKS))
-    dialog.get_by_role("button", name="Save").click()
-    expect(dialog).to_be_hidden()
+    adds.click()
+    site = page.locator("#site")
+    corners = [mark for mark in MARKS if mark["x_m"] != SPACING_M / 2]
+    for number, (x, y) in enumerate(((0, 0), (30, 0), (30, 6), (0, 6)), start=1):
+        fields = site.get_by_role("group", name=f"Mark {number}")
+        expect(fields.get_by_label("along [m]")).to_have_value(str(x))
+        mark = next(each for each in corners if (each["x_m"], each["y_m"]) == (x, y))
+        fields.get_by_label("column [px]").fill(str(mark["x_px"]))
+        fields.get_by_label("row [px]").fill(str(mark["y_px"]))
+        fields.get_by_label("row [px]").press("Tab")
+    expect(site.get_by_role("status")).to_contain_text(re.compile(r"Placed by 4 marks, to ± 0\.\d+ m"))
+    site.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("Saved. Evaluate the road")).to_be_visible()
     page.get_by_role("button", name="Enter readings…").click()
     lines = [f"{p['name']},{p['x_m']},{p['y_m']},illuminance,lx,{p['values'][0]}" for p in list_points(None)]
     page.get_by_label("Table").fill("\n".join(["name,x_m,y_m,quantity,unit,value", *lines]))
@@ -118,3 +218,31 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(page, team, tmp_path
     expect(page.locator("#verdict")).to_contain_text("against class C4")
     expect(page.locator("#figures")).to_contain_text("Power density")
     expect(page.locator("#under")).to_contain_text("led, dry")
+
+
+def test_lanes_that_were_measured_become_a_road(page, team, tmp_path):
+    with Afar(team, tmp_path) as house:
+        frame_id = state_road(house, frames=1)["frames"][0]["frame_id"]
+        corners = [MARKS[at] for at in (0, 4, 5, 1)]
+        grid = {
+            "corners": [[each["x_px"], each["y_px"]] for each in corners],
+            "lanes": 2,
+            "lane_width_m": 3.0,
+            "spacing_m": SPACING_M,
+        }
+        made = house.finish("/v1/measurements", {"frame_id": frame_id, "grid": grid})
+    page.goto(f"/measurements/{made['measurement_id']}")
+    settle(page)
+    page.get_by_role("link", name="Evaluate as a road").click()
+    for label, value in (("Lanes", "2"), ("Lane width [m]", "3"), ("Spacing of luminaires [m]", "30")):
+        expect(page.get_by_label(label, exact=True)).to_have_value(value)
+    check_both(page)
+    page.get_by_label("Name", exact=True).fill("Mill Road")
+    page.get_by_role("button", name="Register").click()
+    expect(page.locator("#site").get_by_role("status")).to_contain_text("Placed by 4 marks")
+    with team.http() as http:
+        road = http.get("/v1/roads").json()["items"][0]
+    placed = [
+        {name: each[name] for name in ("x_px", "y_px", "x_m", "y_m")} for each in road["frames"][0]["marks"]
+    ]
+    assert (road["frames"][0]["frame_id"], placed) == (frame_id, corners)

@@ -53,6 +53,21 @@ def test_a_road_is_answered_as_it_was_stated_with_the_grid_of_its_rule(house, ro
     assert (changed["hidden"], changed["site"]) == (["2/3-10"], road["site"])
 
 
+def test_a_frame_is_placed_by_marks_before_they_are_stated(house, road):
+    path, frame_id = f"/v1/roads/{road['id']}/placement", road["frames"][0]["frame_id"]
+    placed = house.http.post(path, json={"frame_id": frame_id, "marks": MARKS}).json()
+    for mark in MARKS:
+        x, y, w = np.array(placed["matrix"]) @ placed["h"] @ (mark["x_m"], mark["y_m"], 1.0)
+        assert (x / w + 0.5, y / w + 0.5) == pytest.approx((mark["x_px"], mark["y_px"]), abs=1e-6)
+    assert placed["distortion"] == [0.0] * 5
+    # 1 px is 1/16 m, and a mark is known to 0.03 m: six of them know a point better than that
+    assert 0.1 < placed["place_u_m"] / math.hypot(1 / PX_PER_M, 0.03) < 1.0
+    line = [each for each in MARKS if each["y_m"] == 0.0] + [MARKS[1] | {"x_m": 20.0, "y_m": 0.0}]
+    refused = house.http.post(path, json={"frame_id": frame_id, "marks": line})
+    assert (refused.status_code, refused.json()["code"]) == (422, "place_undetermined")
+    assert house.get(f"/v1/roads/{road['id']}") == road
+
+
 def test_control_points_from_a_spreadsheet_are_those_of_json(house, road):
     path = f"/v1/roads/{road['id']}/points"
     sent = house.get(path)["items"]

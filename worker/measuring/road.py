@@ -15,21 +15,14 @@ from radiometry.frame.pose import Pose
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.methods import get_method
 from radiometry.records import Record
-from radiometry.road.placing import (
-    NOMINAL_FOCAL_U,
-    Camera,
-    Mark,
-    Placement,
-    PlainCamera,
-    place_by_pose,
-    place_frame,
-)
+from radiometry.road.placing import NOMINAL_FOCAL_U, Mark, Placement, place_by_pose, place_frame
 from radiometry.road.results import RoadResult
 from radiometry.road.site import Meter, Reading, Scale, Site
 from radiometry.specification.application import SurfaceApplication
 from radiometry.spectral import mismatch
 from store.codec import decode, read_applied
 from store.measuring import version
+from store.measuring.roads import read_camera
 from store.tables import Calibration
 from worker.maps import picture
 from worker.measuring import surface
@@ -38,8 +31,6 @@ from worker.measuring.task import Task
 Array = NDArray[np.float64]
 
 METER: Final = "meter calibration"
-_USUAL_VIEW: Final = 1.0
-"""Focal length over the frame's width where neither geometry nor optics are known: 53 degrees wide."""
 _MARGIN_M: Final = 5.0
 _MOST_PX: Final = 1200
 _FINEST_M: Final = 0.05
@@ -199,21 +190,13 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
 
 def _place(task: Task, geometry: Calibration | None, site: Site) -> Placement:
     """Place a frame by its marks, else by its own place."""
-    camera, named = _find_camera(task, geometry), task.parameters
+    named, header = task.parameters, task.header
+    camera = read_camera(geometry, named, height_px=header.height_px, width_px=header.width_px)
     if "marks" in named:
         return place_frame(decode(tuple[Mark, ...], named["marks"]), camera)
     assert site.origin is not None  # noqa: S101  the plan has seen it
     u_rel = 0.0 if geometry else NOMINAL_FOCAL_U
     return place_by_pose(decode(Pose, named["pose"]), site.origin, camera, focal_u_rel=u_rel)
-
-
-def _find_camera(task: Task, geometry: Calibration | None) -> Camera:
-    """Return the camera of the geometry in force, else one without distortion, by its optics."""
-    if geometry is not None:
-        camera: Camera = read_applied(geometry)
-        return camera
-    size = {"height_px": task.header.height_px, "width_px": task.header.width_px}
-    return PlainCamera(focal_px=task.parameters.get("focal_px", _USUAL_VIEW * task.header.width_px), **size)
 
 
 def _is_inside(outline: Polygon, width_px: int, height_px: int) -> bool:

@@ -1,4 +1,4 @@
-// Elements from values. Text is always text: nothing here reads HTML.
+// Elements from values, and the regions of a page. Text is always text: nothing here reads HTML.
 
 const NAMED = 0.06;
 
@@ -17,7 +17,6 @@ export function budgetBar(rows) {
 
 const AT_FIRST = 14;
 
-/** `draw` makes what shows some of the rows. */
 export function shorten(rows, draw, count = AT_FIRST) {
   if (rows.length <= count + 4) return draw(rows);
   const place = h("div", {}, draw(rows.slice(0, count)));
@@ -31,13 +30,11 @@ const steps = [];
 /** Keep the way back of something that the page shows where it was done. */
 export const remember = (undo) => steps.push(undo);
 
-/** Say that something was done, with the way back. */
 export function done(text, undo) {
   remember(undo);
   toast(text, { label: "Undo", key: "Z", action: () => take(undo) });
 }
 
-/** Undo what was done last. */
 export const undoLast = () => steps.length && take(steps.at(-1));
 
 export async function take(undo) {
@@ -68,8 +65,16 @@ const SHAPES = {
 export const mark = (kind, label) =>
   svg("svg", { class: `v ${kind}`, viewBox: "0 0 18 18", ...(label ? { role: "img", "aria-label": label } : { "aria-hidden": "true" }) }, ...SHAPES[kind].map(([name, attributes]) => svg(name, attributes)));
 
-/** What an outcome of a verdict is called, and its mark. */
 export const OUTCOMES = { pass: ["good", "Passes"], warn: ["warn", "Check"], fail: ["bad", "Fails"], pending: ["wait", "Waiting"] };
+
+/** Buttons of [value, text], of which one is pressed; `pick(value)` hears which. */
+export function segments(label, options, chosen, pick) {
+  const buttons = options.map(([value, text]) => h("button", { type: "button", "aria-pressed": String(value === chosen), onclick: ({ currentTarget }) => {
+    for (const each of buttons) each.ariaPressed = String(each === currentTarget);
+    pick(value);
+  } }, text));
+  return h("div", { class: "segments", role: "group", "aria-label": label }, buttons);
+}
 
 /** h("td", {class: "number", onclick: f, hidden: false}, "text", element, [more], null) */
 export function h(tag, attributes = {}, ...children) {
@@ -141,8 +146,7 @@ export const prose = (text) => (text ?? "").split("`").map((part, place) => (pla
 export const byId = (id) => document.getElementById(id);
 
 /** Whether the key that is signed in with has a scope: what it may not do is not offered. */
-export const may = (scope) =>
-  (document.querySelector("meta[name=scopes]")?.content ?? "").split(" ").includes(scope);
+export const may = (scope) => (document.querySelector("meta[name=scopes]")?.content ?? "").split(" ").includes(scope);
 
 /**
  * A table in its frame. Columns: {head, cell: row => node or text, class?}; the first may be {header: true}.
@@ -151,8 +155,7 @@ export const may = (scope) =>
 export function table(columns, rows, { caption, row = () => ({}), stack = false } = {}) {
   const cell = (column, each) => {
     const content = column.cell(each);
-    return h(
-      column.header ? "th" : "td",
+    return h(column.header ? "th" : "td",
       {
         // said again, as a row that is laid out as a card would be no row any more
         role: column.header ? "rowheader" : "cell",
@@ -164,16 +167,10 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
       stack && Array.isArray(content) ? h("div", {}, content) : content,
     );
   };
-  return h(
-    "div",
-    { class: "table", tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
-    h(
-      "table",
-      { role: "table", class: stack ? "stack" : null },
+  return h("div", { class: "table", tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
+    h("table", { role: "table", class: stack ? "stack" : null },
       caption ? h("caption", { class: "hidden" }, caption) : null,
-      h(
-        "thead",
-        { role: "rowgroup" },
+      h("thead", { role: "rowgroup" },
         h("tr", { role: "row" }, columns.map((c) => (c.head ? h("th", { role: "columnheader", scope: "col", class: c.class }, c.head) : h("td", { role: "cell" })))),
       ),
       h("tbody", { role: "rowgroup" }, rows.map((each) => h("tr", { role: "row", ...row(each) }, columns.map((c) => cell(c, each))))),
@@ -182,9 +179,7 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
 }
 
 /** A figure of a list of them (a `dl`): its name, its value, and a note below it if there is one. */
-export function figure(name, value, note, attributes = {}) {
-  return h("div", {}, h("dt", {}, name), h("dd", attributes, value, note ? h("small", {}, note) : null));
-}
+export const figure = (name, value, note, attributes = {}) => h("div", {}, h("dt", {}, name), h("dd", attributes, value, note ? h("small", {}, note) : null));
 
 /** The name of a file or a coefficient, which may be broken where its parts meet: most do not fit a phone. */
 export const filename = (name) => name.split(/(?<=[_.-])/).flatMap((part) => [part, h("wbr")]);
@@ -214,6 +209,85 @@ export function toast(text, offer) {
   setTimeout(() => shown.remove(), offer ? 12000 : 6000);
 }
 
-function present(children) {
-  return children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false);
+const present = (children) => children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false);
+
+/** Put rows behind an element, one after another; one that stays where it is keeps its focus. */
+export function placeAfter(above, rows) {
+  let place = above;
+  for (const { element } of rows) {
+    if (place.nextSibling !== element) place.after(element);
+    place = element;
+  }
 }
+
+const turns = new WeakMap();
+
+/** Begin to load a region anew. Answers whether that is still what was asked for last: what comes late is not shown over it. */
+export function begin(region) {
+  const turn = {};
+  turns.set(region, turn);
+  region.setAttribute("aria-busy", "true");
+  return () => turns.get(region) === turn;
+}
+
+/** Load, then draw what `draw(value)` gives; on a problem say it, with a button to try again. */
+export async function load(region, loader, draw) {
+  const isLast = begin(region);
+  try {
+    const value = await loader();
+    if (!isLast()) return false;
+    fill(region, draw(value));
+    return true;
+  } catch (error) {
+    if (isLast()) fill(region, failed(error, () => load(region, loader, draw)));
+    return false;
+  } finally {
+    if (isLast()) region.removeAttribute("aria-busy");
+  }
+}
+
+export function loading(lines = 3) {
+  return h("div", { class: "loading", role: "status" },
+    h("span", { class: "hidden" }, "Loading"),
+    Array.from({ length: lines }, () => h("span", { class: "bone", "aria-hidden": "true" })),
+  );
+}
+
+export function empty(title, text, ...actions) {
+  return h("div", { class: "empty" },
+    h("p", { class: "empty-title" }, title),
+    text ? h("p", {}, text) : null,
+    actions.length ? h("p", { class: "actions" }, actions) : null,
+  );
+}
+
+export function failed(error, again) {
+  if (!error.code) console.error(error);
+  return h("div", { class: "failed", role: "alert" },
+    h("p", { class: "failed-title" }, error.title ?? "Error on this page"),
+    h("p", {}, error.message),
+    again && (error.retryable ?? true) ? h("p", {}, h("button", { type: "button", onclick: again }, "Try again")) : null,
+  );
+}
+
+/** Run what a button or a form starts: once at a time, with its problem shown beside it. The button keeps the focus. */
+export async function act(button, action) {
+  if (button.ariaDisabled) return undefined;
+  const scope = button.closest("form, dialog, .card, tr, section") ?? button.parentElement;
+  scope.querySelectorAll(".act-failed").forEach((old) => old.remove());
+  if (button.matches("button")) button.ariaDisabled = "true";
+  button.ariaBusy = "true";
+  try {
+    return await action();
+  } catch (error) {
+    const said = failed(error);
+    said.classList.add("act-failed");
+    (button.closest(".actions, td") ?? button).after(said);
+    return undefined;
+  } finally {
+    button.ariaDisabled = button.ariaBusy = null;
+  }
+}
+
+/** An error that a person made, shown as one of the service's. */
+export const wrong = (message) => Object.assign(new Error(message), { title: "Not sent", code: "typed", retryable: false });

@@ -1,4 +1,4 @@
-// Figures as they are written in a report: rounded by their uncertainty, in UTC, with their unit.
+// Figures as they are written in a report, and items in the groups and the order in which they are listed.
 
 import { h } from "./dom.js";
 
@@ -45,15 +45,12 @@ export function withUncertainty(value, uncertainty) {
 export function quantity(reported, { expanded = false } = {}) {
   if (!reported) return h("span", { class: "muted" }, "–");
   const [value, uncertainty] = withUncertainty(reported.value, expanded ? reported.expanded_uncertainty : reported.standard_uncertainty).split(" ± ");
-  return h(
-    "span",
-    { class: "quantity", title: expanded ? "value ± expanded uncertainty, 95 %" : "value ± standard uncertainty" },
+  return h("span", { class: "quantity", title: expanded ? "value ± expanded uncertainty, 95 %" : "value ± standard uncertainty" },
     h("span", { class: "nowrap" }, value, uncertainty ? h("span", { class: "u" }, ` ± ${uncertainty}`) : null),
     reported.unit && reported.unit !== "1" ? h("span", { class: "unit" }, ` ${unit(reported.unit)}`) : null,
   );
 }
 
-/** The uncertainty as a share of the value, in %. */
 export const relative = (value, uncertainty) => (value ? percent(uncertainty / Math.abs(value)) : "–");
 
 /** A share in percent at two significant digits, zeros among them, as an uncertainty has; with more `digits` as it was stated. */
@@ -69,7 +66,6 @@ export function unit(text) {
   return text.replaceAll("*", "·").replace(/([a-z])(-?)([23])\b/gi, (_, letter, sign, power) => `${letter}${sign ? "⁻" : ""}${power === "2" ? "²" : "³"}`);
 }
 
-/** 2026-05-01 */
 export const day = (instant) => (instant ? instant.slice(0, 10) : "–");
 
 export const hasZone = (stamp) => /(Z|[+-]\d\d:\d\d)$/.test(stamp);
@@ -82,7 +78,6 @@ export function time(instant) {
   return h("time", { datetime: instant, class: "nowrap", title: `${instant} (${ago(instant)})` }, `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`);
 }
 
-/** A camera as lists name and order it. */
 export const cameraName = ({ make, model, serial }) => `${make} ${model} ${serial}`;
 
 /** The service's own sentences write for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC, cd/m2 cd/m², and 3% 3 %. */
@@ -102,7 +97,6 @@ export function span(seconds) {
   return `${count} ${name}${name.length > 3 || name === "day" ? (count === 1 ? "" : "s") : ""}`;
 }
 
-/** 21 MB */
 export function bytes(count) {
   const powers = ["B", "kB", "MB", "GB", "TB"];
   const power = count < 1000 ? 0 : Math.min(Math.floor(Math.log10(count) / 3), 4);
@@ -117,18 +111,16 @@ export function exposureTime(seconds) {
   return `1/${Math.abs(seconds * whole - 1) < 0.01 ? whole : number(1 / seconds, 3)} s`;
 }
 
+export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 /** A code or a name of the API in words: "noise_high" is "noise high". */
 export const words = (name) => name.replaceAll("_", " ");
 
-/** What is raised of nearly every version, and is no fault. */
 export const isUsual = (flag) => flag === "meter_repeatability_estimated";
 
 /** A state as a coloured word; the colour never says it alone. */
-export function tag(word, kind = KINDS[word] ?? "") {
-  return h("span", { class: `tag ${isUsual(word) ? "" : kind}` }, stateWords(word));
-}
+export const tag = (word, kind = KINDS[word] ?? "") => h("span", { class: `tag ${isUsual(word) ? "" : kind}` }, stateWords(word));
 
-/** A state or a flag of the API as people name it. */
 export const stateWords = (state) => SAID[state] ?? words(state);
 
 /** Where the code alone would not be understood. */
@@ -159,4 +151,20 @@ function grouped(text) {
   const [whole, part] = text.replace("-", MINUS).split(".");
   const spaced = whole.length > 4 + whole.startsWith(MINUS) ? whole.replace(/\B(?=(\d{3})+$)/g, "\u2009") : whole;
   return part === undefined ? spaced : `${spaced}.${part}`;
+}
+
+/** DJI_9 before DJI_10. */
+export const natural = new Intl.Collator(undefined, { numeric: true }).compare;
+
+/** The items by their names; those of one name as they were. */
+export const inOrder = (items, nameOf) => [...items].sort((a, b) => natural(nameOf(a), nameOf(b)));
+
+export function groupBy(items, keyOf) {
+  const groups = new Map();
+  for (const item of items) {
+    const key = keyOf(item);
+    if (!groups.has(key)) groups.set(key, []);
+    groups.get(key).push(item);
+  }
+  return groups;
 }

@@ -1,17 +1,14 @@
 // Charts: the service's SVG, with a card for each point, series that can be hidden, and a zoom.
 
 import { send } from "./api.js";
-import { fill, h, svg, toast } from "./dom.js";
-import { act, begin, failed } from "./states.js";
+import { act, begin, failed, fill, h, svg, toast } from "./dom.js";
 
 const FINER = 2;
 
 /** Buttons for a chart; `text` is its SVG with the styles of its own, on white. */
 function pictureButtons(text, name) {
   const button = (label, says, action) => h("button", { type: "button", class: "quiet small-button", "aria-label": `${says}: ${name}`, onclick: (event) => act(event.target, action) }, label);
-  return h(
-    "p",
-    { class: "picture-of" },
+  return h("p", { class: "picture-of" },
     button("PNG", "Save as PNG", async () => save(await draw(text), `${name}.png`)),
     // only there on https and localhost
     globalThis.ClipboardItem ? button("Copy", "Copy the picture", () => navigator.clipboard.write([new ClipboardItem({ "image/png": draw(text) })]).then(() => toast("Picture copied."))) : null,
@@ -90,7 +87,6 @@ function redraw(element, width, again) {
   watch.observe(element);
 }
 
-/** A button for each figure of a plot that has several. */
 function choose(parts, chosen = 0, show) {
   if (parts.length < 2) return null;
   const button = (part, place) => h("button", { type: "button", "aria-pressed": String(place === chosen), onclick: () => show(place) }, part);
@@ -98,7 +94,6 @@ function choose(parts, chosen = 0, show) {
   return h("div", { class: "segments", role: "group", "aria-label": "Part" }, parts.map(button));
 }
 
-/** A card of the points that are touched. */
 function explain(element, chart) {
   let tip;
   chart.addEventListener("pointerover", ({ target, clientX, clientY }) => {

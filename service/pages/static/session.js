@@ -1,8 +1,7 @@
 // A session that ends while a page is open is begun again over the page, which keeps what was typed and chosen.
 
 import { ask } from "./ask.js";
-import { h, leave } from "./dom.js";
-import { wrong } from "./states.js";
+import { h, leave, wrong } from "./dom.js";
 
 let asked = null;
 let declined = false;

@@ -1,16 +1,15 @@
 // Publishing and revoking: the impact is shown before the decision.
 
-import { all, get, getOr, post } from "../api.js";
+import { all, get, getOr, post, runJob } from "../api.js";
 import { ask } from "../ask.js";
 import { editDetails } from "../campaign/details.js";
-import { named } from "../coefficients.js";
+import { parametersFold } from "../campaign/parameters.js";
 import { causeFold, small, smallLink } from "../causes.js";
-import { byId, fill, h, may, table, toast } from "../dom.js";
+import { act, byId, fill, h, leave, load, may, table, toast } from "../dom.js";
 import { fixed, number, quantity, tag, withUncertainty } from "../format.js";
+import { methodOf, named } from "../methods.js";
 import { statePerson } from "../organisation/person.js";
 import { editCamera } from "../pages/camera-edit.js";
-import { act, load } from "../states.js";
-import { fitAnew } from "./refit.js";
 
 const METERS = {
   common: "Both depend on the same meter certificates, whose error cancels here.",
@@ -62,8 +61,7 @@ function drawTouched(rows) {
 
 function changeOf(change) {
   if (!change) return "–";
-  const text = withUncertainty(change.value, change.standard_uncertainty);
-  return h("span", { class: "nowrap" }, `${change.value > 0 ? "+" : ""}${text} %`);
+  return h("span", { class: "nowrap" }, `${change.value > 0 ? "+" : ""}${withUncertainty(change.value, change.standard_uncertainty)} %`);
 }
 
 /** The field of the campaign that fills a gap of its certificate, and how it is called. */
@@ -81,18 +79,16 @@ export function offerDecisions(calibration, decided) {
   const { state } = calibration;
   const [mayPublish, draft] = [may("publish") && state !== "revoked", state === "draft"];
   const publishing = button(draft ? "Publish…" : "Publish again…", draft ? "primary" : null, (event) => publish(event.target, calibration, decided), { disabled: draft });
-  fill(
-    byId("decide"),
+  fill(byId("decide"),
     may("calibrate") ? button("Refit…", null, () => fitAnew(calibration)) : null,
     mayPublish ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
     mayPublish ? publishing : null,
   );
   byId("lacking-section").hidden = !(mayPublish && draft);
-  const show = () =>
-    load(byId("lacking"), () => get(`/v1/calibrations/${calibration.id}/impact`), ({ warnings }) => {
-      publishing.disabled = warnings.some(({ code }) => NEEDED.has(code));
-      return drawGaps(warnings, calibration, show);
-    });
+  const show = () => load(byId("lacking"), () => get(`/v1/calibrations/${calibration.id}/impact`), ({ warnings }) => {
+    publishing.disabled = warnings.some(({ code }) => NEEDED.has(code));
+    return drawGaps(warnings, calibration, show);
+  });
   if (mayPublish && draft) show();
 }
 
@@ -115,8 +111,7 @@ async function publish(button, calibration, decided) {
       { name: "reason", label: "Reason", of: "NewPublication", type: "textarea", value: signature ? `Checklist signed by ${signature.name}` : "" },
     ],
     submit: "Publish",
-    action: ({ valid_from, valid_to, reason }) =>
-      post(`/v1/calibrations/${calibration.id}/publish`, { valid_from: instant(valid_from), reason, ...(valid_to ? { valid_to: instant(valid_to) } : {}) }),
+    action: ({ valid_from, valid_to, reason }) => post(`/v1/calibrations/${calibration.id}/publish`, { valid_from: instant(valid_from), reason, ...(valid_to ? { valid_to: instant(valid_to) } : {}) }),
   });
   document.getElementById("ask-valid_from").addEventListener("change", show);
   show();
@@ -167,8 +162,50 @@ async function revoke(calibration, decided) {
   });
   if (!answer) return;
   toast(`Version ${answer.version} is revoked.`);
-  decided(answer.measurements.length ? h("div", { class: "note bad" }, h("p", {}, h("strong", {}, "Revoked. These measurements were made with it:")), drawTouched(answer.measurements)) : null);
+  const { measurements, roads } = answer;
+  const links = roads.map((each) => [h("a", { href: `/roads/${each.road_id}` }, each.name), ` (evaluation ${each.number}) `]);
+  decided(measurements.length + roads.length ? h("div", { class: "note bad" }, measurements.length ? [h("p", {}, h("strong", {}, "Revoked. These measurements were made with it:")), drawTouched(measurements)] : null, roads.length ? h("p", {}, h("strong", {}, "Roads that were evaluated with it: "), links) : null) : null);
 }
 
 const typed = (at) => at?.slice(0, 16) ?? "";
 const instant = (text) => (text ? new Date(`${text}Z`).toISOString() : undefined);
+
+/** Ask how, fit, and go to the version that it gives. `chosen`: frames to leave out, id to name. */
+export async function fitAnew(calibration, chosen = new Map()) {
+  const former = calibration.parameters.exclude ?? [];
+  const parameters = parametersFold(methodOf(calibration.method), calibration.camera_id, { former: calibration.parameters, open: !chosen.size });
+  const keep = former.map((each, index) => ({ ...each, box: h("input", { type: "checkbox", id: `keep-${index}`, checked: true }) }));
+  const said = h("p", { class: "hint", role: "status" });
+  const made = await ask({
+    title: chosen.size ? `Exclude ${chosen.size === 1 ? [...chosen.values()][0] : `${chosen.size} frames`} and refit` : "Refit",
+    body: [
+      h("p", { class: "muted" }, "This version does not change. The new one is a draft until it is published."),
+      keep.length ? h("fieldset", {}, h("legend", {}, "Excluded so far; untick to include again"), keep.map(({ box, frame, reason }) => h("p", { class: "check" }, box, h("label", { for: box.id, class: "check" }, `${frame}: ${reason}`)))) : null,
+      parameters.element,
+      said,
+    ],
+    fields: [
+      chosen.size ? { name: "reason", label: "Reason for exclusion", type: "textarea", hint: "What happened when the frame was taken. Recorded with your name.", help: "The new version lists each excluded frame with its reason, and so does every later version that excludes it." } : null,
+    ].filter(Boolean),
+    submit: "Refit",
+    action: async (values) => {
+      const kept = keep.filter(({ box }) => box.checked);
+      const exclude = [...(await withIds(calibration, kept)), ...[...chosen.keys()].map((frame_id) => ({ frame_id, reason: values.reason }))];
+      return (await runJob(`/v1/campaigns/${calibration.campaign_id}/calibrations`, { ...(await parameters.read()), exclude }, said, "Fitting")).calibration_id;
+    },
+  });
+  if (!made) return;
+  if (made === calibration.id) toast("This version has the same frames and the same parameters.");
+  else await leave(`/calibrations/${made}`);
+}
+
+/** Former exclusions name frames as the fit does; the form wants their ids. */
+async function withIds(calibration, kept) {
+  if (!kept.length) return [];
+  const ids = new Map(calibration.points.map((point) => [point.frame, point.frame_id]));
+  if (kept.some(({ frame }) => !ids.has(frame))) {
+    const hashes = new Map(calibration.inputs.frames.map((each) => [each.sha256, each.frame]));
+    for (const each of await all(`/v1/campaigns/${calibration.campaign_id}/frames`)) ids.set(hashes.get(each.sha256), each.id);
+  }
+  return kept.map(({ frame, reason }) => ({ frame_id: ids.get(frame), reason }));
+}

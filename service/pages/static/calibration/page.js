@@ -1,23 +1,18 @@
 // One version: loaded once, drawn part by part, and redrawn after each decision.
 
 import { all, get, getOr } from "../api.js";
-import { named } from "../coefficients.js";
-import { byId, figure, fill, h, mark, may, shorten, table } from "../dom.js";
+import { byId, empty, failed, fill, h, load, mark, may, shorten, table } from "../dom.js";
 import { drawFindings } from "../causes.js";
 import { counted, day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
-import { choiceLabel, labelOf, methodOf } from "../methods.js";
+import { choiceLabel, labelOf, methodOf, named } from "../methods.js";
 import { plot } from "../plots.js";
-import { empty, failed, load } from "../states.js";
-import { offerDecisions } from "./decide.js";
-import { drawPoints } from "./points.js";
-import { drawBudget, drawHistory, drawMade, drawModels, drawSiblings, reportedModel } from "./record.js";
-import { fitAnew } from "./refit.js";
+import { fitAnew, offerDecisions } from "./decide.js";
+import { drawBudget, drawHistory, drawMade, drawModels, drawPoints, drawSiblings, reportedModel } from "./record.js";
 
 class Choice extends EventTarget {
   frames = new Map();
   calibration = null;
 
-  /** From now on there is something to refit. */
   offer(calibration) {
     this.calibration = calibration;
     this.draw();
@@ -50,12 +45,9 @@ class Choice extends EventTarget {
     bar.hidden = !count || !may("calibrate");
     if (bar.hidden) return;
     const names = [...this.frames.values()];
-    fill(
-      bar,
+    fill(bar,
       h("p", {}, h("strong", {}, `${counted(count, "frame")} selected`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
-      h(
-        "span",
-        { class: "actions" },
+      h("span", { class: "actions" },
         h("button", { type: "button", class: "quiet", onclick: () => this.clear() }, "Clear"),
         h("button", { type: "button", class: "primary", onclick: () => fitAnew(this.calibration, this.frames) }, "Exclude and refit…"),
       ),
@@ -97,23 +89,16 @@ const drawVerdict = (found) => [found.diagnostics.iso_fits ? [verdictOf(found.di
 /** The few figures that the method chooses, with U where it is known, else with u. */
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
   if (!rows.length) return null;
-  return h(
-    "dl",
-    { class: "key-figures" },
-    rows.map((row) => {
-      const stated = row.expanded_uncertainty !== undefined && scope !== "relative_only";
-      const u = row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`;
-      return h(
-        "div",
-        {},
-        h("dt", {}, h("span", {}, words(row.group)), h("span", { class: "muted" }, ` ${row.label}`), row.passed === undefined ? null : mark(row.passed ? "good" : "bad", row.passed ? "Passes" : "Fails")),
-        h("dd", {}, quantity(row, { expanded: stated }), h("small", {}, [u, stated ? `95 %, k = ${number(row.coverage_factor, 3)}` : scope === "relative_only" ? "relative only" : null].filter(Boolean).join(" · "))),
-      );
-    }),
-  );
+  return h("dl", { class: "key-figures" }, rows.map((row) => {
+    const stated = row.expanded_uncertainty !== undefined && scope !== "relative_only";
+    const u = row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`;
+    return h("div", {},
+      h("dt", {}, h("span", {}, words(row.group)), h("span", { class: "muted" }, ` ${row.label}`), row.passed === undefined ? null : mark(row.passed ? "good" : "bad", row.passed ? "Passes" : "Fails")),
+      h("dd", {}, quantity(row, { expanded: stated }), h("small", {}, [u, stated ? `95 %, k = ${number(row.coverage_factor, 3)}` : scope === "relative_only" ? "relative only" : null].filter(Boolean).join(" · "))),
+    );
+  }));
 }
 
-/** Whether K passes, with the figures that its decision rule judges. */
 function verdictOf({ iso_fits: fits, tolerance_rel: limit }, { acceptance: rule }) {
   const failing = fits.filter((fit) => !fit.passed);
   const largest = (name) => percent(Math.max(...fits.map((fit) => fit[name])));
@@ -225,7 +210,6 @@ async function start() {
   }
 }
 
-/** What is in each fold, beside its name. */
 function noteFolds({ coefficients: rows, points, findings, inputs, diagnostics, method }) {
   const notes = {
     coefficients: diagnostics.iso_fits ? "with U, dark signal and K at each f-number" : String(rows.length),
@@ -237,19 +221,16 @@ function noteFolds({ coefficients: rows, points, findings, inputs, diagnostics, 
   for (const [name, note] of Object.entries(notes)) fill(byId(`${name}-note`), note);
 }
 
-/** State, history and what can be decided: what a decision changes. */
 function showStatus(calibration) {
   load(byId("version-status"), () => withSuccessor(calibration), drawStatus);
-  load(
-    byId("history"),
+  load(byId("history"),
     async () => {
       const found = await calibration;
       return get(`/v1/cameras/${found.camera_id}/decisions`);
     },
     ({ items }) => drawHistory(items.filter((each) => each.calibration_id === id)),
   );
-  load(
-    byId("siblings"),
+  load(byId("siblings"),
     async () => {
       const found = await calibration;
       return [found, await all(`/v1/campaigns/${found.campaign_id}/calibrations`)];

@@ -1,11 +1,11 @@
-// Decisions, other versions of the campaign, and the inputs.
+// Points, decisions, other versions of the campaign, and the inputs.
 
-import { budgetBar, filename, fill, h, table } from "../dom.js";
-import { counted, day, number, percent, quantity, tag, time, withUncertainty, words } from "../format.js";
-import { inOrder } from "../groups.js";
+import { parameterFacts } from "../campaign/parameters.js";
+import { smallLink } from "../causes.js";
+import { budgetBar, empty, filename, fill, h, may, segments, shorten, table } from "../dom.js";
+import { capital, counted, day, exposureTime, fixed, inOrder, number, percent, quantity, tag, time, withUncertainty, words } from "../format.js";
 import { choiceLabel, coefficientLabel, methodOf, roleLabel } from "../methods.js";
-import { parameterFacts } from "../parameter.js";
-import { empty } from "../states.js";
+import { WRITTEN, headOf, titleOf } from "../names.js";
 
 /** Per ISO value, every model that was fitted; null where the method fits one alone. */
 export function drawModels({ diagnostics, method }) {
@@ -37,47 +37,42 @@ const PARAMETERS = { luminance_k: "K", offset_dn: "offset [DN]", slope_dn: "slop
 const errorOf = (share) => (share === null || share === undefined ? "–" : percent(share));
 
 function parameters(row) {
-  return h(
-    "span",
-    { class: "parameters" },
+  return h("span", { class: "parameters" },
     row.parameter_names.map((name, index) => h("span", { class: "nowrap" }, `${PARAMETERS[name] ?? words(name)} = ${withUncertainty(row.parameters[index], Math.sqrt(row.covariance[index][index]))}`)),
   );
 }
 
-/** What would lower a source, and to which share of itself at best. */
-const LOWERED = { "f-number": ["Measure the true f-numbers", 0], "meter calibration": ["A meter with half the uncertainty", 0.5] };
+/** What would lower a source, to which share of itself at best, and whether it takes frames. */
+const LOWERED = { "f-number": ["Measure the true f-numbers", 0, true], "meter calibration": ["A meter with half the uncertainty", 0.5] };
 const WORTH = 0.95;
 
 /** A bar for the coefficient that is chosen; null where none has a budget. */
-export function drawBudget({ diagnostics }) {
+export function drawBudget(found) {
+  const { diagnostics } = found;
   const fits = (diagnostics.iso_fits ?? diagnostics.band_fits ?? []).filter((fit) => fit.budget?.length);
   if (!fits.length) return null;
   const place = h("div", {});
-  const buttons = fits.map((fit) => h("button", { type: "button", onclick: () => show(fit) }, titleOf(fit.coefficient)));
-  const show = (shown) => {
-    fits.forEach((fit, n) => buttons[n].setAttribute("aria-pressed", String(fit === shown)));
-    fill(place, budgetOf(shown));
-  };
+  const show = (fit) => fill(place, budgetOf(fit, found));
   show(fits[0]);
-  return h("div", { class: "card budget" }, fits.length > 1 ? h("div", { class: "segments", role: "group", "aria-label": "Budget of" }, buttons) : null, place);
+  return h("div", { class: "card budget" }, fits.length > 1 ? segments("Budget of", fits.map((fit) => [fit, nameOfFit(fit.coefficient)]), fits[0], show) : null, place);
 }
 
-const titleOf = (coefficient) => (coefficient.iso === undefined ? `Band ${words(coefficient.band)}` : `ISO ${coefficient.iso}`);
+const nameOfFit = (coefficient) => (coefficient.iso === undefined ? `Band ${words(coefficient.band)}` : `ISO ${coefficient.iso}`);
 
-function budgetOf({ budget, coefficient }) {
+function budgetOf({ budget, coefficient }, found) {
   const rows = budget.filter((row) => row.u_rel > 0).sort((a, b) => b.u_rel - a.u_rel);
   const whole = Math.hypot(...rows.map((row) => row.u_rel));
   const lowered = rows.map((row) => {
-    const [title, left] = LOWERED[row.source] ?? (row.kind === "A" ? ["Twice as many frames and readings", Math.SQRT1_2] : [`Half of ${row.source}`, 0.5]);
-    return [title, Math.sqrt(whole ** 2 - (1 - left ** 2) * row.u_rel ** 2)];
+    const [title, left, frames] = LOWERED[row.source] ?? (row.kind === "A" ? ["Twice as many frames and readings", Math.SQRT1_2, true] : [`Half of ${row.source}`, 0.5]);
+    return [title, Math.sqrt(whole ** 2 - (1 - left ** 2) * row.u_rel ** 2), frames && may("upload") ? smallLink("Add frames", `/campaigns/${found.campaign_id}`) : null];
   });
-  for (const { f_number: f, luminance_k: k, luminance_k_standard_uncertainty: u } of coefficient.apertures ?? []) lowered.push([`Measure at f/${number(f, 3)} alone: its own K is used`, u / k]);
+  for (const { f_number: f, luminance_k: k, luminance_k_standard_uncertainty: u } of coefficient.apertures ?? []) lowered.push([`Measure at f/${number(f, 3)} alone: its own K is used`, u / k, may("upload") ? smallLink("Measure", "/measurements/new") : null]);
   const worth = lowered.filter(([, to]) => to < WORTH * whole).sort((a, b) => a[1] - b[1]);
   return [
     h("p", {}, h("strong", {}, `u = ${percent(whole)}`), h("span", { class: "muted" }, ` k = 1${coefficient.expanded_uncertainty ? `; k = ${number(coefficient.coverage_factor, 3)} for 95 %` : ""}`)),
     budgetBar(rows.map((row) => ({ source: row.source, share: (row.u_rel / whole) ** 2, said: percent(row.u_rel) }))),
-    worth.length ? h("ul", { class: "lower", "aria-label": "What would lower it, at best" }, worth.slice(0, 4).map(([title, to]) => h("li", {}, h("strong", {}, title), h("b", {}, `${percent(whole)} → ${percent(to)}`)))) : null,
-    h("details", { class: "more" }, h("summary", {}, "As a table"), table(BUDGET, budget, { caption: `Budget of ${titleOf(coefficient)}` })),
+    worth.length ? h("ul", { class: "lower", "aria-label": "What would lower it, at best" }, worth.slice(0, 4).map(([title, to, way]) => h("li", {}, h("strong", {}, title), h("b", {}, `${percent(whole)} → ${percent(to)}`), h("span", {}, way)))) : null,
+    h("details", { class: "more" }, h("summary", {}, "As a table"), table(BUDGET, budget, { caption: `Budget of ${nameOfFit(coefficient)}` })),
   ];
 }
 
@@ -90,22 +85,15 @@ const BUDGET = [
 
 export function drawHistory(items) {
   if (!items.length) return empty("No decisions yet");
-  return h(
-    "ol",
-    { class: "todo" },
-    items.map((each) =>
-      h(
-        "li",
-        {},
-        h("div", { class: "todo-head" }, h("span", {}, tag(each.act), " by ", h("strong", { title: each.by }, each.by_name ?? each.by)), time(each.at)),
-        each.valid_from ? h("p", {}, `In force from ${day(each.valid_from)} ${each.valid_to ? `to ${day(each.valid_to)}` : "on"}`) : null,
-        each.reason ? h("p", {}, each.reason) : null,
-      ),
-    ),
+  return h("ol", { class: "todo" },
+    items.map((each) => h("li", {},
+      h("div", { class: "todo-head" }, h("span", {}, tag(each.act), " by ", h("strong", { title: each.by }, each.by_name ?? each.by)), time(each.at)),
+      each.valid_from ? h("p", {}, `In force from ${day(each.valid_from)} ${each.valid_to ? `to ${day(each.valid_to)}` : "on"}`) : null,
+      each.reason ? h("p", {}, each.reason) : null,
+    )),
   );
 }
 
-/** The other versions of the same campaign, to compare with. */
 export function drawSiblings(own, versions) {
   if (versions.length < 2) return empty("The only version of its campaign", "Exclude a point or select another model, and refit. The versions are then listed here.");
   const columns = [
@@ -122,19 +110,14 @@ function howOf({ method, parameters }) {
   return [choiceLabel(method, "model", parameters.model), left ? `${left} excluded` : ""].filter(Boolean).join(", ") || "default";
 }
 
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 // `stilb` is stored; it is the version of the code that fits, which a release may leave as it is.
 const SOFTWARE = { stilb: "fit code version", release: "stilb" };
 
 export function drawMade(calibration) {
   const { inputs, software, parameters } = calibration;
-  return h(
-    "div",
-    { class: "made" },
-    h(
-      "dl",
-      { class: "facts card" },
+  return h("div", { class: "made" },
+    h("dl", { class: "facts card" },
       Object.entries(software).flatMap(([name, version]) => [h("dt", {}, SOFTWARE[name] ?? words(name)), h("dd", { class: "mono" }, String(version))]),
       h("dt", {}, "Content, SHA-256"),
       h("dd", { class: "mono small" }, calibration.content_sha256),
@@ -177,7 +160,6 @@ function readings({ inputs: { readings: rows }, diagnostics }) {
   return table(columns, inOrder(rows, (row) => row.scene), { caption: "Readings" });
 }
 
-/** Every measurement of the panel; of several, those whose values the fit took. */
 function panel(rows, fits) {
   const days = new Map(fits.map(({ coefficient: { band, panel_measured_on: on } }) => [band, on]));
   // without days there was one measurement, or what the files state
@@ -190,4 +172,96 @@ function panel(rows, fits) {
     { head: "Used", cell: (row) => (used(row) ? "yes" : "no") },
   ];
   return table(columns, rows, { caption: "Reflectances of the panel" });
+}
+
+const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
+const U = "standard_uncertainty";
+
+export function drawPoints({ points, parameters, diagnostics }, choice) {
+  if (!points.length) return empty("No points", "This version has no points.");
+  const residual = points.some((point) => present(point.residual_rel)) ? residualColumn : null;
+  const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(diagnostics.iso_fits ? CURVE : ownColumns(points))].filter(Boolean);
+  const draw = (rows) => {
+    const drawn = table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: point.used ? null : "out", "data-frame-id": point.frame_id }) });
+    if (choice) mark(drawn, choice);
+    return drawn;
+  };
+  return shorten(inOrder(points, (point) => `${point.scene ?? ""} ${point.frame}`), draw, 12);
+}
+
+const frameColumn = { head: "Frame", header: true, class: "frame-name", cell: (point) => filename(point.frame) };
+/** Of what somebody left out their reason alone: who it was stands with what the version was made from. */
+const verdictColumn = (exclude) => ({
+  head: "Status",
+  class: "in-fit",
+  cell: (point) => {
+    if (point.used) return tag("used", "good");
+    const why = exclude.find((each) => each.frame === point.frame)?.reason ?? point.left_out;
+    return h("span", {}, tag("not used", "warn"), h("span", { class: "small why-out" }, why));
+  },
+});
+
+const residualColumn = { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? signed(point.residual_rel) : "–") };
+
+const CURVE = [
+  { head: "Scene", class: "nowrap", cell: (point) => point.scene },
+  { head: "Exposure", cell: (point) => h("span", { class: "nowrap" }, `${exposureTime(point.exposure_time_s)}, f/${number(point.f_number, 3)}, ISO ${point.iso}`) },
+  { head: "L meter", class: "number", cell: (point) => withUnit(point.luminance_cd_m2, "cd/m²") },
+  { head: "X", class: "number", cell: (point) => number(point.rhs) },
+  { head: "Signal above dark", class: "number", cell: (point) => withUnit(point.adjusted_signal_dn, "DN", 5) },
+  { head: "L fit", class: "number", cell: (point) => withUnit(point.fitted_luminance_cd_m2, "cd/m²") },
+];
+
+const present = (value) => value !== null && value !== undefined;
+const signed = (share) => `${share > 0 ? "+" : ""}${fixed(100 * share, 2)} %`;
+const withUnit = (value, unit, digits = 4) => (present(value) ? [number(value, digits), h("span", { class: "unit" }, ` ${unit}`)] : "–");
+
+/** A column for each figure that some point has; its uncertainty stands in it. */
+function ownColumns(points) {
+  const known = [...new Set(points.flatMap(Object.keys))].filter((name) => !HIDDEN.has(name) && points.some((point) => present(point[name])));
+  const names = known.filter((name) => !name.includes(U));
+  return names.map((name) => {
+    const numeric = points.some((point) => typeof point[name] === "number");
+    const u = known.find((each) => each.includes(U) && (each === withU(name) || (name === "value" && each === U)));
+    return { head: titleOf(WRITTEN[name] ? [WRITTEN[name][0], ""] : headOf(name === "value" ? points[0].figure : name)), class: numeric ? "number" : null, cell: (point) => figure(name, point[name], point[u]) };
+  });
+}
+
+/** i_sq_standard_uncertainty, gradient_standard_uncertainty_rel */
+const withU = (name) => (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_rel`) : `${name}_${U}`);
+
+function figure(name, value, u) {
+  if (!present(value)) return "–";
+  if (WRITTEN[name]) return WRITTEN[name][1](value);
+  const scale = /_(rel|share)$/.test(name) ? 100 : 1;
+  if (present(u)) return withUncertainty(scale * value, scale * u);
+  if (scale !== 1) return number(100 * value, 3);
+  if (typeof value === "number") return number(value, name.endsWith("_dn") ? 5 : 4);
+  if (Array.isArray(value)) return value.length ? String(value.length) : "none";
+  return name === "band" ? words(value) : String(value);
+}
+
+function choosing(choice) {
+  if (!choice || !may("calibrate")) return null;
+  return {
+    head: h("span", { class: "hidden" }, "Select"),
+    class: "pick",
+    cell: (point) =>
+      point.used
+        ? h("input", { type: "checkbox", "aria-label": `Choose ${point.frame}`, checked: choice.has(point.frame_id), onchange: (event) => choice.set(point.frame_id, point.frame, event.target.checked) })
+        : "",
+  };
+}
+
+function mark(drawn, choice) {
+  const show = () => {
+    for (const row of drawn.querySelectorAll("tr[data-frame-id]")) {
+      const chosen = choice.has(row.dataset.frameId);
+      row.classList.toggle("chosen-row", chosen);
+      const box = row.querySelector("input[type=checkbox]");
+      if (box) box.checked = chosen;
+    }
+  };
+  choice.addEventListener("change", show);
+  show();
 }

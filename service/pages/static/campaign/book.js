@@ -1,12 +1,10 @@
 // The readings of a campaign, the organisation's meters, and how a typed value is recorded.
 
-import { OFFLINE, newOnce, post, send } from "../api.js";
+import { OFFLINE, Turns, newOnce, post, send } from "../api.js";
 import { done, fill, h, remember } from "../dom.js";
-import { counted } from "../format.js";
-import { groupBy, inOrder } from "../groups.js";
-import { Turns } from "../live.js";
-import { about, select } from "./forms.js";
-import { nameOfMeter } from "./meters.js";
+import { counted, groupBy, inOrder } from "../format.js";
+import { about, select } from "../ask.js";
+import { nameOfMeter } from "./target.js";
 import { UNITS, readReading } from "./sheet.js";
 
 export const written = (unit) => unit.replace("m2", "m²");
@@ -151,7 +149,6 @@ export class ReadingBook extends EventTarget {
   }
 }
 
-/** How the values that are typed in the grid were read. */
 export function readingTools(book, registerMeter, paste) {
   const unit = select(Object.keys(UNITS).map((name) => [name, written(name)]), { "aria-label": "Unit of typed readings", title: about("NewReading", "unit"), onchange: () => ((book.unit = unit.value), book.draw()) }, book.unit);
   const meter = h("select", { "aria-label": "Meter of typed readings", title: about("NewReading", "meter_id"), onchange: async () => {

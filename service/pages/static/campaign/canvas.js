@@ -1,8 +1,7 @@
 // The preview with its regions, whose corners are moved by pointer and keys.
 
 import { svg } from "../dom.js";
-import { PictureView } from "./picture-view.js";
-import { middle } from "./polygon.js";
+import { HandleView, keep, put } from "./picture-view.js";
 
 const KEPT = 200;
 
@@ -94,7 +93,6 @@ export class RegionEditor extends EventTarget {
     this.step(() => Object.assign(this.region, { points: [at(0.4, 0.4), at(0.6, 0.4), at(0.6, 0.6), at(0.4, 0.6)], closed: true }));
   }
 
-  /** Take these points as the region, such as of a file. */
   take(regions) {
     this.step(() => {
       this.regions = regions.map(({ name, points }) => ({ name: name ?? "", points: points.map((point) => [...point]), closed: true }));
@@ -144,7 +142,7 @@ export class RegionEditor extends EventTarget {
 
 const NEAR_PX = 10;
 
-export class RegionCanvas extends PictureView {
+export class RegionCanvas extends HandleView {
   constructor(editor) {
     const [shade, cells] = [svg("path", { class: "roi-shade" }), svg("path", { class: "roi-cells" })];
     const [shapes, mids, handles] = [svg("g"), svg("g"), svg("g")];
@@ -168,7 +166,6 @@ export class RegionCanvas extends PictureView {
 
   draw() {
     const { editor } = this;
-    const unit = this.scale;
     const points = editor.points;
     keep(this.shapes, editor.regions.length, () => svg("polygon"), (shape, i) => {
       const region = editor.regions[i];
@@ -182,30 +179,26 @@ export class RegionCanvas extends PictureView {
     const edges = editor.region.closed ? points.length : 0;
     keep(this.mids, edges, () => svg("circle", { class: "roi-mid" }), (mid, i) => {
       const [x, y] = middle(points[i], points[(i + 1) % points.length]);
-      place(mid, x, y, 4.5 * unit);
+      put(mid, x, y, 4.5 * this.scale);
       mid.dataset.mid = i + 1;
     });
-    keep(this.handles, points.length, newHandle, (handle, i) => {
-      const [x, y] = points[i];
-      place(handle.firstChild, x, y, 18 * unit);
-      place(handle.lastChild, x, y, 6.5 * unit);
-      handle.dataset.point = i;
-      handle.setAttribute("aria-label", `Corner ${i + 1} of ${points.length}: x ${x}, y ${y}`);
-    });
+    super.draw();
+  }
+
+  knobs() {
+    return this.editor.points.map((at, i, all) => ({ at, text: `Corner ${i + 1} of ${all.length}: x ${at[0]}, y ${at[1]}` }));
+  }
+
+  nudge(index, step) {
+    this.editor.nudge(index, step);
   }
 
   grasp(event) {
-    const handle = event.target.closest("[data-point]");
     const { mid, region } = event.target.dataset;
-    const held = { region: region === undefined ? undefined : Number(region) };
-    if (handle) Object.assign(held, { point: Number(handle.dataset.point) });
-    else if (mid !== undefined) {
-      this.editor.insert(Number(mid), this.at(event));
-      Object.assign(held, { point: Number(mid), remembered: true, moved: true });
-    }
-    if (handle) handle.focus();
-    else this.element.focus({ preventScroll: true });
-    return held;
+    const held = { ...super.grasp(event), region: region === undefined ? undefined : Number(region) };
+    if (mid === undefined) return held;
+    this.editor.insert(Number(mid), this.at(event));
+    return { ...held, point: Number(mid), remembered: true, moved: true };
   }
 
   carry(event) {
@@ -240,14 +233,11 @@ export class RegionCanvas extends PictureView {
 
   key(event) {
     const { editor } = this;
-    const index = event.target.closest("[data-point]") ? Number(event.target.closest("[data-point]").dataset.point) : null;
-    const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    const by = event.shiftKey ? 10 : 1;
-    if (arrow && index !== null) editor.nudge(index, arrow.map((each) => each * by));
-    else if (["Delete", "Backspace"].includes(event.key) && index !== null) {
+    const index = this.handleOf(event);
+    if (["Delete", "Backspace"].includes(event.key) && index !== undefined) {
       editor.remove(index);
       (this.handles.children[Math.min(index, editor.points.length - 1)] ?? this.element).focus();
-    } else if (["Insert", "a"].includes(event.key) && index !== null) {
+    } else if (["Insert", "a"].includes(event.key) && index !== undefined) {
       editor.insert(index + 1, middle(editor.points[index], editor.points[(index + 1) % editor.points.length]));
       this.handles.children[index + 1].focus();
     } else if (event.key === "Enter") editor.close();
@@ -258,18 +248,28 @@ export class RegionCanvas extends PictureView {
   }
 }
 
-const newHandle = () =>
-  svg("g", { class: "roi-handle", tabindex: "0", role: "button" }, svg("circle", { class: "roi-grip" }), svg("circle", { class: "roi-dot" }));
+export const areaOf = (points) => Math.abs(points.reduce((sum, [x, y], i) => {
+  const [nx, ny] = points[(i + 1) % points.length];
+  return sum + x * ny - nx * y;
+}, 0)) / 2;
 
-function place(circle, x, y, r) {
-  circle.setAttribute("cx", x);
-  circle.setAttribute("cy", y);
-  circle.setAttribute("r", r);
+/** Why a polygon cannot be a region, or null: the service checks it again. */
+export function faultOf(points) {
+  if (points.length < 3) return "Set three corners or more.";
+  const edges = points.map((point, i) => [point, points[(i + 1) % points.length]]);
+  for (let a = 0; a < edges.length; a += 1) {
+    for (let b = a + 1; b < edges.length; b += 1) {
+      const neighbours = b === a + 1 || (a === 0 && b === edges.length - 1);
+      if (!neighbours && cross(...edges[a], ...edges[b])) return "The edges cross. Move a corner, or undo.";
+    }
+  }
+  if (areaOf(points) === 0) return "The area is zero: all corners lie on one line.";
+  return null;
 }
 
-/** As many children as there are, each redrawn; those that stay keep their focus. */
-function keep(group, count, make, draw) {
-  while (group.children.length > count) group.lastChild.remove();
-  while (group.children.length < count) group.append(make());
-  [...group.children].forEach(draw);
+const middle = ([ax, ay], [bx, by]) => [Math.round((ax + bx) / 2), Math.round((ay + by) / 2)];
+
+function cross(a, b, c, d) {
+  const side = ([px, py], [qx, qy], [rx, ry]) => Math.sign((qx - px) * (ry - py) - (qy - py) * (rx - px));
+  return side(a, b, c) !== side(a, b, d) && side(c, d, a) !== side(c, d, b);
 }

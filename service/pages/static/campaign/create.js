@@ -1,21 +1,19 @@
 // A new campaign: method, camera, target and details.
 
 import { all, post } from "../api.js";
-import { byId, fill, h, leave } from "../dom.js";
-import { cameraName } from "../format.js";
-import { inOrder } from "../groups.js";
+import { act, byId, fill, h, leave, load } from "../dom.js";
+import { cameraName, inOrder } from "../format.js";
 import { METHODS, methodOf } from "../methods.js";
-import { act, load } from "../states.js";
 import { DETAILS, detailsOf, isOfLens } from "./details.js";
-import { about, choices, field, filled, numberOf, select } from "./forms.js";
-import { panelPart } from "./panel.js";
+import { about, choices, field, filled, numberOf, select } from "../ask.js";
 import { statedPart, withManual } from "./parameters.js";
-import { targetPart } from "./target.js";
+import { panelPart, targetPart } from "./target.js";
 
 const NEW = "new";
 const form = byId("new-campaign");
 let method = null;
 let night = false;
+const needsPanel = () => !night && method?.reference === "panel";
 let target = null;
 let stated = null;
 let camera = { read: () => ({}) };
@@ -35,7 +33,6 @@ form.addEventListener("submit", (event) => {
   act(event.submitter ?? form.querySelector("button[type=submit]"), create);
 });
 
-/** A kind, and the methods that it can have. */
 function turn(kind) {
   night = kind === "measurement";
   const able = METHODS.filter((each) => !night || each.measured_quantity);
@@ -63,10 +60,6 @@ function offerPanel() {
   for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = !needsPanel();
 }
 
-function needsPanel() {
-  return !night && method?.reference === "panel";
-}
-
 async function create() {
   const said = filled(form);
   const details = detailsOf(Object.fromEntries(ASKED.filter(({ name }) => said[name]).map(({ name }) => [name, said[name]])));
@@ -79,7 +72,6 @@ async function create() {
   await leave(`/campaigns/${made.id}`);
 }
 
-/** Choose a camera, or register one on the spot. */
 function cameraPart(cameras) {
   const known = inOrder(cameras, cameraName).map((each) => [each.id, cameraName(each)]);
   // frames of another camera are refused: of several, none is taken for granted
@@ -90,13 +82,9 @@ function cameraPart(cameras) {
   const serial = h("input", { autocomplete: "off" });
   const lens = [h("input", { autocomplete: "off" }), h("input", { autocomplete: "off" })];
   const pitch = h("input", { inputmode: "decimal", autocomplete: "off" });
-  const fresh = h(
-    "fieldset",
-    {},
+  const fresh = h("fieldset", {},
     h("legend", {}, "New camera"),
-    h(
-      "div",
-      { class: "fields" },
+    h("div", { class: "fields" },
       field("Make", make, null, about("NewCamera", "make")),
       field("Model", model, null, about("NewCamera", "model")),
       field("Serial number", serial, null, about("NewCamera", "serial")),

@@ -2,12 +2,9 @@
 
 import { all, patch } from "../api.js";
 import { ask } from "../ask.js";
-import { done, h, leave, may } from "../dom.js";
-import { cameraName } from "../format.js";
-import { inOrder } from "../groups.js";
-import { act } from "../states.js";
+import { act, done, h, leave, may } from "../dom.js";
+import { cameraName, inOrder } from "../format.js";
 
-/** What a person writes on a campaign. */
 export const DETAILS = [
   { name: "project_number", label: "Project number" },
   { name: "customer", label: "Customer" },
@@ -57,10 +54,8 @@ export async function editDetails(campaign, { only, cameras } = {}) {
   });
 }
 
-/** Correct a campaign on its page, which then begins again. */
 export const changeDetails = async (state) => (await editDetails(state.campaign)) && leave();
 
-/** The buttons in the head of a campaign's page. */
 export function detailsPart(state) {
   if (!may("calibrate")) return null;
   const archive = async () => {

@@ -1,17 +1,14 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
-import { get, patch } from "../api.js";
-import { fill, h, isPressed, mark, may, openDialog } from "../dom.js";
+import { get, patch, pause } from "../api.js";
+import { act, failed, fill, h, isPressed, mark, may, openDialog } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, stateWords, time, typeset, words } from "../format.js";
-import { pause } from "../live.js";
-import { act, failed } from "../states.js";
 import { frameCell, kindOf, sayState } from "./rows.js";
-import { about, decimal, field, numberOf, select } from "./forms.js";
-import { holdingFor, originOf } from "./holding.js";
-import { lettersOn } from "./keys.js";
+import { about, decimal, field, numberOf, select } from "../ask.js";
+import { lettersOn } from "./grid-tools.js";
 import { lookPart } from "./look.js";
 import { EXPOSURE, askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
-import { isRead } from "./state.js";
+import { holdingFor, isRead, originOf } from "./state.js";
 import { viewerPart } from "./viewer.js";
 
 const MOST_BESIDE = 24;
@@ -55,9 +52,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     state.dispatchEvent(new CustomEvent("draw-on", { detail: id }));
   });
   const download = h("a", { class: "button quiet small-button" }, "Download");
-  const dialog = h(
-    "dialog",
-    { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), back(id)) },
+  const dialog = h("dialog", { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), back(id)) },
     h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
     h("div", { class: "sheet-body" }, look, tell),
     h("div", { class: "sheet-foot" }, h("p", { class: "actions" }, may("calibrate") ? [move, out, gone, region] : null, download), h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
@@ -133,7 +128,6 @@ const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0],
 
 const unread = () => h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
 
-/** The other frames of its row. */
 function beside(state, known, show) {
   const same = state.frames.filter((frame) => frame.role === known.role && frame.scene === known.scene);
   const from = Math.max(0, Math.min(same.indexOf(known) - MOST_BESIDE / 2, same.length - MOST_BESIDE));
@@ -165,9 +159,7 @@ function change(state, known, frame) {
   const scene = state.method.grid.rows === "scene" && state.method.roles.some((role) => role.name === known.role && role.has_scene)
     ? select([...(known.scene ? [] : [["", "No scene: choose one"]]), ...[...new Set([...state.scenes, ...(state.book?.readings ?? []).map((each) => each.scene)])].map((name) => [name, name])], { onchange: (event) => act(event.target, () => changeFrames(state, [frame.id], { scene: event.target.value }, (named) => `${named} moved to ${event.target.value}.`)) }, known.scene ?? "")
     : null;
-  return h(
-    "div",
-    {},
+  return h("div", {},
     h("h3", { class: "panel-title" }, "Change"),
     scene ? field("Scene", scene, null, about("FrameChange", "scene")) : null,
     frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
@@ -175,7 +167,6 @@ function change(state, known, frame) {
   );
 }
 
-/** What the file does not say is typed in, and the frame is read again. */
 function typedExposure(state, frame) {
   const inputs = EXPOSURE.map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]);
   const save = async () => {

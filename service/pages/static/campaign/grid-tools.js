@@ -1,15 +1,13 @@
 // Above the grid: which frames are shown, how many are selected and what is done to them, and how typed readings were read.
 
 import { all } from "../api.js";
-import { OUTCOMES, fill, h, mark, may } from "../dom.js";
+import { select } from "../ask.js";
+import { OUTCOMES, act, fill, h, mark, may, openDialog } from "../dom.js";
 import { number } from "../format.js";
 import { roleOptions } from "../methods.js";
-import { act } from "../states.js";
 import { readingTools } from "./book.js";
-import { select } from "./forms.js";
-import { showKeys } from "./keys.js";
-import { askForMeter } from "./meters.js";
 import { askExposure, changeFrames, leaveOut, withdraw } from "./moves.js";
+import { askForMeter } from "./target.js";
 
 /** `chosen` are the ids; `after` is called when something was done. */
 function bulkForm(state, chosen, after) {
@@ -48,9 +46,7 @@ export function toolsOf({ state, book, view, reads, draw, selectAll, paste }) {
     book.meet([...book.meters, made]);
   };
   if (reads) Promise.all([book.refresh(), all("/v1/meters").then((meters) => book.meet(meters))]);
-  const element = h(
-    "div",
-    { class: "grid-tools" },
+  const element = h("div", { class: "grid-tools" },
     outcomes,
     h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", value: view.text, oninput: (event) => ((view.text = event.target.value.trim()), draw()) }),
     may("calibrate") ? h("button", { type: "button", class: "quiet small-button", onclick: selectAll }, "Select all") : null,
@@ -74,4 +70,31 @@ export function bulkOf({ state, chosen, clear, rest }) {
     } else bulk.querySelector(".bulk-count").textContent = `${number(chosen.size, 6)} selected`;
   }
   return { element: bulk, drawBulk };
+}
+
+const KEPT = "stilb-letter-keys";
+const KEYS = [
+  ["Arrows, Page Up, Page Down", "walk the grid"],
+  ["Home, End", "ends of a row; with Ctrl, of the grid"],
+  ["Enter", "open a frame; in a reading: record it and go to the next scene without one"],
+  ["Space, Shift + arrows", "select frames"],
+  ["M", "move to a scene"],
+  ["X", "leave out, or use again"],
+  ["R", "go to the reading of the row"],
+  ["Z", "undo"],
+  ["← →", "in a frame: previous, next"],
+  ["N", "in a frame: next to check"],
+  ["Esc", "close; from a reading back to the grid"],
+];
+
+export const lettersOn = () => localStorage.getItem(KEPT) !== "off";
+
+export function showKeys() {
+  const dialog = h("dialog", { "aria-labelledby": "keys" },
+    h("h2", { id: "keys" }, "Keys"),
+    h("dl", { class: "facts" }, KEYS.map(([key, does]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, does)])),
+    h("label", { class: "check" }, h("input", { type: "checkbox", checked: lettersOn(), onchange: (event) => localStorage.setItem(KEPT, event.target.checked ? "on" : "off") }), "Letter keys"),
+    h("p", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close")),
+  );
+  openDialog(dialog);
 }

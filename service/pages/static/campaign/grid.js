@@ -1,16 +1,14 @@
 // Every frame of the campaign in a grid by the method's axes, with readings, verdicts and gaps. Only lines that are seen exist.
 
-import { byId, fill, h, isPressed, may, undoLast } from "../dom.js";
+import { act, byId, empty, fill, h, isPressed, may, placeAfter, undoLast } from "../dom.js";
 import { number } from "../format.js";
-import { act, empty } from "../states.js";
 import { ReadingBook } from "./book.js";
 import { openFrame } from "./frame.js";
-import { bulkOf, toolsOf } from "./grid-tools.js";
-import { lettersOn, showKeys } from "./keys.js";
+import { bulkOf, lettersOn, showKeys, toolsOf } from "./grid-tools.js";
 import { layOut } from "./matrix.js";
 import { askWhere, leaveOut, moveTo } from "./moves.js";
 import { CARDS, TALLER, gridRows, phone } from "./rows.js";
-import { typing } from "./typing.js";
+import { typing } from "./sheet.js";
 
 const ARROWS = { ArrowDown: [1, 0], ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1] };
 
@@ -44,7 +42,6 @@ function walking({ body, head, scroller, shown, update }) {
     cellAt(active.line, column)?.focus({ preventScroll: scrolls() });
   }
 
-  /** To the next cell that holds something: in its line or on into the next one. */
   function aside(by) {
     const { lines } = shown();
     for (let [index, column] = [place(), active.column + by]; lines[index]; column += by) {
@@ -69,7 +66,6 @@ function walking({ body, head, scroller, shown, update }) {
     return false;
   }
 
-  /** As far as can be seen at once, and one line at least. */
   function turnPage(by) {
     const { lines, offsets } = shown();
     const from = place();
@@ -169,7 +165,6 @@ function writeAddress(said, { step = false } = {}) {
   else history.replaceState(history.state, "", url);
 }
 
-/** Whether the way back leads from the open frame to the grid. */
 const isStep = () => Boolean(history.state?.step);
 
 /** Keep in the history where the scroller is seen and how far it was scrolled; answers what goes there again, once. */
@@ -289,12 +284,7 @@ export function gridSection(state) {
     stale = false;
     for (const [key, row] of drawn) if (!next.has(key)) row.element.remove();
     if (!above.isConnected) body.append(above, below);
-    let place = above;
-    for (const row of next.values()) {
-      // moved only where it must be: a row that stays keeps its focus
-      if (place.nextSibling !== row.element) place.after(row.element);
-      place = row.element;
-    }
+    placeAfter(above, next.values());
     drawn = next;
     // the focus goes with its frame, so that a key never acts on another one
     if (held && document.activeElement.dataset.id !== held) body.querySelector(`[data-id="${held}"]`)?.focus({ preventScroll: true });
@@ -309,7 +299,6 @@ export function gridSection(state) {
     else resting = setTimeout(() => pictures.show(), REST_MS);
   }
 
-  /** Repeats of one cell are shown all, or a few with their count. */
   function fold(pile) {
     if (!unfolded.delete(pile)) unfolded.add(pile);
     draw();
@@ -348,7 +337,6 @@ export function gridSection(state) {
       },
     }));
   }
-  /** The frame that the address names, if the campaign has it. */
   const openNamed = () => {
     const { frame } = readAddress();
     if (sheet && frame) sheet.show(frame);
@@ -361,7 +349,6 @@ export function gridSection(state) {
   };
   addEventListener("popstate", () => state.left || openNamed());
 
-  /** A line that is out of sight is drawn, so that it can be typed in. */
   function bring(line) {
     const top = offsets[model.lines.indexOf(line)];
     if (scroller.scrollHeight > scroller.clientHeight + 1) scroller.scrollTop = top;

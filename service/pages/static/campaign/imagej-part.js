@@ -1,7 +1,6 @@
 // Import and export of ImageJ macro lines and .roi files.
 
-import { fill, h, may } from "../dom.js";
-import { act, wrong } from "../states.js";
+import { act, fill, h, may, wrong } from "../dom.js";
 
 const TYPES = { polygon: 0, rectangle: 1, freehand: 7, traced: 8 };
 const SUBPIXEL = 128;
@@ -22,10 +21,8 @@ function readMacro(text) {
 }
 
 /** A line a region; the name of one of several stands behind it as a comment. */
-const writeMacro = (regions) =>
-  regions.map(({ name, points }) => `makePolygon(${points.flat().join(",")});${name ? ` // ${name}` : ""}`).join("\n");
+const writeMacro = (regions) => regions.map(({ name, points }) => `makePolygon(${points.flat().join(",")});${name ? ` // ${name}` : ""}`).join("\n");
 
-/** {name?, points} of a .roi file. */
 function readRoi(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < HEADER || view.getUint32(0) !== 0x496f7574) throw new Error("This is not an ImageJ .roi file. Unpack a RoiSet.zip first.");
@@ -48,7 +45,6 @@ function readRoi(buffer) {
   return { name, points };
 }
 
-/** The bytes of a .roi file; corners between pixels are kept. */
 function writeRoi({ name = "", points }) {
   const count = points.length;
   const fine = points.flat().some((value) => !Number.isInteger(value));
@@ -125,9 +121,7 @@ export function imagejPart(editor, frameOf) {
   const drawLinks = () => fill(links, h("button", { type: "button", disabled: !editor.region.closed, onclick: () => save(editor.region, frameOf()) }, "Save .roi"));
   editor.addEventListener("settled", drawLinks);
   drawLinks();
-  return h(
-    "details",
-    { class: "imagej" },
+  return h("details", { class: "imagej" },
     h("summary", {}, "ImageJ: macro and .roi"),
     h("p", { class: "hint", id: "imagej-hint" }, "Lines of ImageJ’s macro recorder, such as makeRectangle, makeOval or makePolygon, in pixels of the frame. A line is a part of the region."),
     text,

@@ -1,10 +1,9 @@
 // All campaigns of the organisation, newest first.
 
 import { all } from "../api.js";
-import { byId, fill, h, may, table } from "../dom.js";
+import { byId, empty, fill, h, load, may, table } from "../dom.js";
 import { day } from "../format.js";
 import { isNight, kindOf, labelOf } from "../methods.js";
-import { empty, load } from "../states.js";
 
 const found = Promise.all([all("/v1/campaigns"), all("/v1/cameras")]).then(([campaigns, cameras]) => ({ campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) }));
 
@@ -29,7 +28,6 @@ function list(campaigns, cameras) {
   return [archived ? h("label", { class: "check" }, away, `Archived (${archived})`) : null, campaigns.length > 8 ? h("p", { class: "search" }, search) : null, shown];
 }
 
-/** Calibrations, and apart from them nights of measurements. */
 function apart(campaigns, cameras) {
   const nights = campaigns.filter(isNight);
   const others = campaigns.filter((each) => !isNight(each));

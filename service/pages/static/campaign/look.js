@@ -1,11 +1,9 @@
 // What a region holds, computed by the service while it is drawn: statistics, histogram and clipped pixels.
 
-import { post } from "../api.js";
-import { fill, h, svg, table } from "../dom.js";
+import { followJob, pause, post } from "../api.js";
+import { failed, fill, h, svg, table } from "../dom.js";
 import { counted, fixed, number, percent } from "../format.js";
-import { followJob, pause } from "../live.js";
-import { failed } from "../states.js";
-import { areaOf, faultOf } from "./polygon.js";
+import { areaOf, faultOf } from "./canvas.js";
 
 const SETTLE_MS = 350;
 const [WIDTH, HEIGHT] = [320, 120];
@@ -85,12 +83,8 @@ function histogram({ histogram: { first_dn: first, step_dn: step, channels }, st
   const y = (count) => (HEIGHT * (1 - Math.sqrt(count / most))).toFixed(1);
   const marks = [["black", statistics[0].black_level_dn], ["white", statistics[0].white_level_dn]].filter(([, at]) => at >= first && at <= last);
   const text = `Histogram from ${first} to ${last} DN: ${statistics.map((row) => `${row.channel} around ${fixed(row.mean_dn, 0)}`).join(", ")}`;
-  return h(
-    "figure",
-    { class: "histogram" },
-    svg(
-      "svg",
-      { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": text },
+  return h("figure", { class: "histogram" },
+    svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": text },
       ...channels.map(({ channel, counts }) => svg("path", { class: `channel ${channel}`, d: `M0 ${HEIGHT}${line(counts).replace("M", "L")}L${WIDTH} ${HEIGHT}Z` })),
       ...marks.map(([name, at]) => svg("line", { class: `mark ${name}`, x1: ((at - first) / (last - first)) * WIDTH, x2: ((at - first) / (last - first)) * WIDTH, y1: 0, y2: HEIGHT })),
     ),

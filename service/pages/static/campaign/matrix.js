@@ -1,12 +1,10 @@
 // Frames, readings and gaps as a matrix, by the axes that the method states.
 
-import { exposureTime, number, words } from "../format.js";
-import { groupBy, inOrder, natural } from "../groups.js";
+import { exposureTime, groupBy, inOrder, natural, number, words } from "../format.js";
 import { roleLabel } from "../methods.js";
 
 const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : natural(String(a ?? "\uffff"), String(b ?? "\uffff")));
 
-/** A value of an axis, as it is written. */
 const SAYS = { iso: (value) => `ISO ${value}`, f_number: (value) => `f/${number(value, 3)}`, exposure_time_s: exposureTime, band: words };
 const sayValue = (axis, value) => SAYS[axis]?.(value) ?? String(value);
 

@@ -1,12 +1,11 @@
 // Frames that are moved, left out, withdrawn and restored; each change can be undone.
 
-import { ask } from "../ask.js";
-import { done, h } from "../dom.js";
-import { counted } from "../format.js";
-import { groupBy } from "../groups.js";
+import { ask, readNumber } from "../ask.js";
+import { small } from "../causes.js";
+import { act, done, h, may, wrong } from "../dom.js";
+import { counted, groupBy, typeset } from "../format.js";
 import { roleLabel, roleOptions } from "../methods.js";
-import { wrong } from "../states.js";
-import { readNumber } from "./forms.js";
+import { changeDetails } from "./details.js";
 
 const name = (state, ids) => (ids.length === 1 ? state.byId.get(ids[0]).filename : counted(ids.length, "frame"));
 
@@ -50,7 +49,6 @@ export function moveTo(state, ids, { role, value, label }) {
   return changeFrames(state, ids, { role, ...(hasScene ? { scene: value ?? "" } : {}) }, (named) => `${named} moved to ${label}.`);
 }
 
-/** Ask where to: a role and, for those that have one, a scene. */
 export function askWhere(state, ids) {
   const [first] = ids.map((id) => state.byId.get(id));
   const scenes = state.method.grid.rows === "scene";
@@ -65,7 +63,6 @@ export function askWhere(state, ids) {
   });
 }
 
-/** Ask for the exposure of several frames at once; they are read again. */
 export function askExposure(state, ids) {
   return ask({
     title: `Exposure of ${name(state, ids)}`,
@@ -78,4 +75,28 @@ export function askExposure(state, ids) {
       await state.change(ids, Object.fromEntries(typed));
     },
   });
+}
+
+const MOST_NAMED = 5;
+const isUnlike = ({ code, outcome }) => code === "format_differs" && outcome === "fail";
+
+/** [{mark, title, where, actions}] of the frames that were refused, and of those whose image has another size, by its sentence. */
+export function refusedCauses(state) {
+  return [...groupBy(state.frames.filter((frame) => frame.refusal_code || isUnlike(frame)), (frame) => frame.refusal_code ?? frame.detail)].map(([code, some]) => {
+    const named = some.slice(0, MOST_NAMED).map((frame) => frame.filename).join(", ");
+    return { mark: "bad", title: `${counted(some.length, "frame")} ${isUnlike(some[0]) ? "of another image size" : "refused"}`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
+  });
+}
+
+export function mendButtons(state, code, frames) {
+  if (!may("calibrate")) return [];
+  const doing = (work) => (event) => act(event.target, work);
+  const ids = frames.map((frame) => frame.id);
+  const one = () => state.dispatchEvent(new CustomEvent("open-frame", { detail: ids[0] }));
+  const enter = small("Enter exposure…", doing(() => (ids.length > 1 ? askExposure(state, ids) : one())));
+  const camera = small("Change camera…", doing(() => changeDetails(state)));
+  return [
+    ...({ wrong_camera: [camera], exposure_missing: [enter], exposure_implausible: [enter] }[code] ?? []),
+    small(frames.length > 1 ? "Withdraw all" : "Withdraw", doing(() => withdraw(state, ids)), { quiet: true }),
+  ];
 }

@@ -1,22 +1,20 @@
 // The page of one campaign, from its first file to its calibration.
 
 import { patch } from "../api.js";
-import { byId, fill, h, isPressed, mark, may } from "../dom.js";
+import { act, byId, failed, fill, h, isPressed, mark, may } from "../dom.js";
 import { counted, number } from "../format.js";
 import { atNight, methodOf } from "../methods.js";
-import { act, failed } from "../states.js";
 import { gridSection } from "./grid.js";
-import { countOwn } from "./holding.js";
-import { beforeTheFit, causesOf, readinessOf } from "./missing.js";
-import { refusedCauses } from "./refused.js";
-import { CampaignState } from "./state.js";
+import { beforeTheFit, causesOf, readinessOf } from "../causes.js";
+import { refusedCauses } from "./moves.js";
+import { CampaignState, countOwn } from "./state.js";
 
 function overview(state) {
   const element = h("div", { class: "overview" });
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", { refused: refusedCauses(state), sending: state.sending, askForPanel: (event) => act(event.target, async () => (await import("./panel.js")).choosePanel(state)) }));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", { refused: refusedCauses(state), sending: state.sending, askForPanel: (event) => act(event.target, async () => (await import("./target.js")).choosePanel(state)) }));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);
@@ -31,7 +29,6 @@ function countOutcomes(state) {
   return counts;
 }
 
-/** The stages of a campaign: links to its parts, and how far each is. */
 function stages(state) {
   const { campaign, method, scenes } = state;
   const counts = countOutcomes(state);

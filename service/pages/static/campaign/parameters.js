@@ -1,11 +1,9 @@
 // The form of a fit's parameters, as the specification of its method states them.
 
 import { all } from "../api.js";
-import { h } from "../dom.js";
-import { day, stateWords } from "../format.js";
-import { load, wrong } from "../states.js";
-import { decimal, field, manualLink, numberOf, select } from "./forms.js";
-import { isFraction, unitOf } from "../parameter.js";
+import { h, load, wrong } from "../dom.js";
+import { day, number, percent, stateWords, unit, words } from "../format.js";
+import { decimal, field, manualLink, numberOf, select } from "../ask.js";
 
 const NONE = "none";
 const IN_FORCE = "in_force";
@@ -27,10 +25,8 @@ export function parametersFold(method, cameraId, { former, open = false } = {}) 
   return { element: h("details", { class: "fold", open }, h("summary", {}, "Parameters of the fit"), fields), read };
 }
 
-/** Each parameter with its place in the manual's page of the method. */
 export const withManual = (parameters, method) => parameters.map((each) => ({ ...each, manual: `/docs/${method.name}#${each.name}`, members: withManual(each.members, method) }));
 
-/** The camera's versions that the parameters may name, by the method that they are of. */
 async function readVersions(parameters, cameraId) {
   const methods = [...new Set(parameters.map((each) => each.version_of).filter(Boolean))];
   const found = await Promise.all(methods.map((method) => all(`/v1/cameras/${cameraId}/calibrations?method=${method}`)));
@@ -95,7 +91,6 @@ function numberControl(parameter, value, standing = parameter.default) {
   return { control, read };
 }
 
-/** A number that may be switched off. */
 function withNone(parameter, { element, control, read }, off) {
   const box = h("input", { type: "checkbox", id: `none-${(count += 1)}`, checked: off });
   const show = () => (control.disabled = box.checked);
@@ -134,9 +129,7 @@ function textPart(parameter, value = "") {
 
 function booleanPart(parameter, value) {
   const box = h("input", { type: "checkbox", id: `switch-${(count += 1)}`, checked: value, "aria-describedby": `switch-${count}-hint` });
-  const element = h(
-    "p",
-    { class: "field" },
+  const element = h("p", { class: "field" },
     h("span", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label), parameter.manual ? manualLink(parameter.manual, parameter.label) : null),
     h("span", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
   );
@@ -166,9 +159,7 @@ function groupPart(parameter, versions, value) {
   const show = () => (body.hidden = !box.checked);
   box.addEventListener("change", show);
   show();
-  const element = h(
-    "fieldset",
-    { class: "wide" },
+  const element = h("fieldset", { class: "wide" },
     h("legend", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label), parameter.manual ? manualLink(parameter.manual, parameter.label) : null),
     h("p", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
     body,
@@ -215,7 +206,34 @@ function hintOf(parameter) {
   return [sentenceOf(parameter), range ? ` ${sentence(range)}.` : "", standing ? ` Empty: ${standing}.` : ""];
 }
 
-/** The sentence of a parameter; what is between backticks is code. */
 const sentenceOf = ({ description }) => description.split("`").map((part, place) => (place % 2 ? h("code", {}, part) : part));
 
 const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+const UNITS = { deg: "°", um: "µm" };
+
+/** A fraction is typed and shown in percent; a ratio that may be above 1 is not. */
+const isFraction = (parameter) => parameter.unit === "1" && parameter.maximum !== undefined && parameter.maximum <= 1;
+
+const unitOf = (parameter) => (isFraction(parameter) ? "%" : parameter.unit === "1" ? "" : (UNITS[parameter.unit] ?? unit(parameter.unit)));
+
+/** The values of a version's parameters as a list of labels and values; `parameters` are those of its method. */
+export function parameterFacts(values, parameters) {
+  const known = new Map(parameters.map((each) => [each.field, each]));
+  const names = [...known.keys(), ...Object.keys(values).filter((name) => !known.has(name))].filter((name) => values[name] !== null && values[name] !== undefined);
+  return h("dl", { class: "facts" }, names.map((name) => [h("dt", {}, known.get(name)?.label ?? words(name)), h("dd", {}, sayValue(values[name], known.get(name)))]));
+}
+
+export function sayValue(value, parameter = { unit: "1" }) {
+  if (value === undefined || value === null) return "–";
+  const written = parameter.unit === "1" ? "" : ` ${unitOf(parameter)}`.replace(" °", "°");
+  const one = (each) => (isFraction(parameter) ? percent(each, 6) : `${number(each, 6)}${written}`);
+  const chosen = parameter.choices?.find((each) => each.value === value);
+  if (chosen) return chosen.label;
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (typeof value === "number") return one(value);
+  if (Array.isArray(value)) return value.every((each) => typeof each === "number") ? value.map(one).join(" to ") : value.map((each) => h("div", {}, sayValue(each)));
+  if (typeof value === "object") return parameterFacts(value, parameter.members ?? []);
+  if (parameter.version_of) return h("code", { title: value }, `${value.slice(0, 16)}…`);
+  return value.includes("\n") ? `own table of ${value.trim().split("\n").length} lines` : value;
+}

@@ -1,17 +1,14 @@
 // The parts of a campaign's page that come after its frames, each with its place there.
 
-import { all, get, getOr, patch, post } from "../api.js";
+import { all, followJob, get, getOr, patch, post } from "../api.js";
 import { ask } from "../ask.js";
-import { byId, fill, h, leave, may, table, toast } from "../dom.js";
-import { ago, counted, number, quantity, tag, time } from "../format.js";
-import { groupBy } from "../groups.js";
-import { followJob } from "../live.js";
+import { act, byId, empty, failed, fill, h, leave, load, loading, may, table, toast } from "../dom.js";
+import { ago, counted, groupBy, number, quantity, tag, time } from "../format.js";
 import { measurementTable } from "../measurement/words.js";
 import { coefficientLabel, headlineOf } from "../methods.js";
-import { act, empty, failed, load, loading } from "../states.js";
 import { detailsPart } from "./details.js";
-import { inTimePart } from "./in-time.js";
-import { readinessOf } from "./missing.js";
+import { inTimePart } from "../timeline.js";
+import { readinessOf } from "../causes.js";
 import { parametersFold, statedPart, withManual } from "./parameters.js";
 import { regionSection } from "./region.js";
 import { targetSection } from "./target.js";
@@ -42,14 +39,13 @@ function checklistSection(state) {
       signAgain(said);
     }
   }
-  const signAgain = (said) =>
-    ask({
-      title: "The list is signed",
-      body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
-      fields: [{ name: "name", label: "Operator", of: "NewSignature" }],
-      submit: "Change and sign",
-      action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
-    });
+  const signAgain = (said) => ask({
+    title: "The list is signed",
+    body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
+    fields: [{ name: "name", label: "Operator", of: "NewSignature" }],
+    submit: "Change and sign",
+    action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
+  });
 
   // what the record proves follows the frames, but nobody waits for it while files stream in; a signature is told at once
   // that it no longer holds
@@ -86,9 +82,7 @@ function body(list, opened, change) {
 
 function group(section, items, opened, change) {
   const done = items.filter((item) => item.done_by).length;
-  const details = h(
-    "details",
-    { open: opened.has(section), ontoggle: () => (details.open ? opened.add(section) : opened.delete(section)) },
+  const details = h("details", { open: opened.has(section), ontoggle: () => (details.open ? opened.add(section) : opened.delete(section)) },
     h("summary", { "data-keep": section }, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
     h("ul", { class: "plain" }, items.map((item) => line(item, change))),
   );
@@ -111,22 +105,17 @@ function line(item, change) {
         toast(error.message);
       }),
   });
-  const note = () =>
-    ask({
-      title: "Note",
-      body: h("p", { class: "muted" }, item.text),
-      fields: [{ name: "note", label: "What was done, and with which equipment", of: "ItemChange", type: "textarea", value: item.note ?? "" }],
-      submit: "Save",
-      action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
-    });
-  return h(
-    "li",
-    {},
+  const note = () => ask({
+    title: "Note",
+    body: h("p", { class: "muted" }, item.text),
+    fields: [{ name: "note", label: "What was done, and with which equipment", of: "ItemChange", type: "textarea", value: item.note ?? "" }],
+    submit: "Save",
+    action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
+  });
+  return h("li", {},
     h("label", { class: "check" }, box, h("span", {}, item.text)),
     item.evidence || item.missing || item.note || item.done_at
-      ? h(
-          "div",
-          { class: "evidence" },
+      ? h("div", { class: "evidence" },
           item.evidence ? h("p", {}, h("span", { class: "tag good" }, own ? "from the record" : "record agrees"), " ", item.evidence) : null,
           item.missing ? h("p", { class: "muted" }, item.missing) : null,
           item.note ? h("p", {}, "“", item.note, "”") : null,
@@ -152,7 +141,6 @@ function calibrateSection(state) {
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
 }
 
-/** "Fit K" of a method whose first coefficient is a K. */
 const fitLabel = ({ name }) => (coefficientLabel(name, headlineOf(name)).endsWith(" K") ? "Fit K" : "Fit");
 
 function starter(state, show) {
@@ -188,9 +176,7 @@ function starter(state, show) {
     await show();
     state.tell("versions");
   };
-  return h(
-    "form",
-    { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
+  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
     h("h3", {}, "New version"),
     lacking,
     given.length ? h("details", { class: "fold" }, h("summary", {}, "Light, distance and verdict"), stated.element) : null,
@@ -229,12 +215,9 @@ function nightSection(state) {
   const draw = () => {
     const file = (name, text) => h("a", { class: "button quiet", href: name, download: "" }, text);
     const of = `${state.path}/measurements`;
-    fill(
-      head,
+    fill(head,
       h("p", { class: "muted" }, `${state.campaign.measured} of ${counted(state.frames.length, "frame")} measured.`),
-      h(
-        "p",
-        { class: "actions" },
+      h("p", { class: "actions" },
         may("upload") && state.frames.length ? h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}&all` }, "Measure all frames") : null,
         may("upload") && state.frames.length ? h("a", { class: "button", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame") : null,
         state.campaign.measured ? [file(`/v1/series/measurements?campaign_id=${state.id}&format=csv`, "CSV"), file(`${of}.geojson`, "GeoJSON"), file(`/v1/series/measurements?campaign_id=${state.id}&format=json`, "JSON")] : null,

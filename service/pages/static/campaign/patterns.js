@@ -2,7 +2,7 @@
 
 import { fill, h } from "../dom.js";
 import { roleOptions } from "../methods.js";
-import { select } from "./forms.js";
+import { select } from "../ask.js";
 
 const PARTS = { "{scene}": "(?<scene>[^/]+)", "**/": "(?:.*/)?", "*": "[^/]*", "?": "[^/]" };
 
@@ -54,29 +54,21 @@ export function patternsPart(state, changed) {
     }
     changed();
   };
-  const draw = () =>
-    fill(
-      rows,
-      own.map((rule) =>
-        h(
-          "div",
-          { class: "pattern-row" },
-          h("input", { "aria-label": "Pattern", "aria-describedby": "patterns-hint", value: rule.pattern ?? "", placeholder: "*dark*", spellcheck: "false", onchange: (event) => ((rule.pattern = event.target.value.trim()), keep()) }),
-          select(roleOptions(state.method), { "aria-label": "Role", "aria-describedby": "patterns-hint", onchange: (event) => ((rule.role = event.target.value), keep()) }, rule.role),
-          h("input", { "aria-label": "Scene", "aria-describedby": "patterns-hint", value: rule.scene ?? "", placeholder: "from {scene}", onchange: (event) => ((rule.scene = event.target.value.trim() || undefined), keep()) }),
-          h("button", { type: "button", class: "quiet", "aria-label": "Remove this pattern", onclick: () => ((own = own.filter((each) => each !== rule)), draw(), keep()) }, "Remove"),
-        ),
-      ),
-    );
+  const draw = () => fill(rows,
+    own.map((rule) => h("div", { class: "pattern-row" },
+      h("input", { "aria-label": "Pattern", "aria-describedby": "patterns-hint", value: rule.pattern ?? "", placeholder: "*dark*", spellcheck: "false", onchange: (event) => ((rule.pattern = event.target.value.trim()), keep()) }),
+      select(roleOptions(state.method), { "aria-label": "Role", "aria-describedby": "patterns-hint", onchange: (event) => ((rule.role = event.target.value), keep()) }, rule.role),
+      h("input", { "aria-label": "Scene", "aria-describedby": "patterns-hint", value: rule.scene ?? "", placeholder: "from {scene}", onchange: (event) => ((rule.scene = event.target.value.trim() || undefined), keep()) }),
+      h("button", { type: "button", class: "quiet", "aria-label": "Remove this pattern", onclick: () => ((own = own.filter((each) => each !== rule)), draw(), keep()) }, "Remove"),
+    )),
+  );
   const add = () => {
     own.push({ pattern: "", role: state.method.roles[0].name, fresh: true });
     draw();
     rows.lastElementChild.querySelector("input").focus();
   };
   draw();
-  const element = h(
-    "details",
-    { class: "patterns", open: own.length > 0 },
+  const element = h("details", { class: "patterns", open: own.length > 0 },
     h("summary", {}, "Role and scene by pattern"),
     h("p", { class: "hint", id: "patterns-hint" }, "The first matching pattern applies: * matches any letters, ? one letter, and {scene} captures the scene, as in {scene}-*.DNG or {scene}/*. Other files are assigned by folder and name, and each file can be set in the list."),
     h("ul", { class: "plain hint" }, state.method.roles.map((role) => h("li", {}, h("strong", {}, role.label), `: ${role.description}`))),

@@ -5,6 +5,11 @@ import { svg } from "../dom.js";
 const CLOSEST = 1 / 40;
 const STILL_PX = 4;
 
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+/** The step of an arrow key, [x, y], ten times as far with Shift; undefined for other keys. */
+export const arrowOf = ({ key, shiftKey }) => ARROWS[key]?.map((each) => each * (shiftKey ? 10 : 1));
+
 /** `layers` lie over the picture, in pixels of the frame. Subclasses take what is grasped, carried, tapped or typed. */
 export class PictureView {
   constructor(attributes, ...layers) {
@@ -97,7 +102,6 @@ export class PictureView {
     return {};
   }
 
-  /** Whether something but the picture is moved. */
   carry() {
     return false;
   }
@@ -141,7 +145,7 @@ export class PictureView {
 
   /** Whether the key has done something. */
   key(event) {
-    const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    const arrow = ARROWS[event.key];
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
     if (arrow) this.pan(arrow[0] * this.box[2] * 0.1, arrow[1] * this.box[3] * 0.1);
     else if (["+", "="].includes(event.key)) this.zoom(0.8);
@@ -150,4 +154,51 @@ export class PictureView {
     else return false;
     return true;
   }
+}
+
+/** A picture with handles that pointer and arrows move: a subclass has `knobs()`, [{text, at}], and what moves one. */
+export class HandleView extends PictureView {
+  draw() {
+    const knobs = this.knobs();
+    keep(this.handles, knobs.length, newHandle, (handle, i) => {
+      const [x, y] = knobs[i].at;
+      put(handle.firstChild, x, y, 18 * this.scale);
+      put(handle.lastChild, x, y, 6.5 * this.scale);
+      handle.dataset.point = i;
+      handle.setAttribute("aria-label", knobs[i].text);
+    });
+  }
+
+  handleOf(event) {
+    const handle = event.target.closest("[data-point]");
+    return handle ? Number(handle.dataset.point) : undefined;
+  }
+
+  grasp(event) {
+    const point = this.handleOf(event);
+    (this.handles.children[point] ?? this.element).focus({ preventScroll: true });
+    return { point };
+  }
+
+  key(event) {
+    const [point, arrow] = [this.handleOf(event), arrowOf(event)];
+    if (point === undefined || !arrow) return super.key(event);
+    this.nudge(point, arrow);
+    return true;
+  }
+}
+
+const newHandle = () => svg("g", { class: "roi-handle", tabindex: "0", role: "button" }, svg("circle", { class: "roi-grip" }), svg("circle", { class: "roi-dot" }));
+
+export function put(circle, x, y, r) {
+  circle.setAttribute("cx", x);
+  circle.setAttribute("cy", y);
+  circle.setAttribute("r", r);
+}
+
+/** As many children as there are, each redrawn; those that stay keep their focus. */
+export function keep(group, count, make, draw) {
+  while (group.children.length > count) group.lastChild.remove();
+  while (group.children.length < count) group.append(make());
+  [...group.children].forEach(draw);
 }

@@ -1,13 +1,10 @@
 // A table of frame statistics, where the raw files are gone.
 
-import { ask } from "../ask.js";
+import { ask, readNumber } from "../ask.js";
 import { send } from "../api.js";
-import { toast } from "../dom.js";
+import { toast, wrong } from "../dom.js";
 import { counted } from "../format.js";
-import { wrong } from "../states.js";
-import { readNumber } from "./forms.js";
 
-/** What a table does not state is asked for; each of its rows becomes a frame. */
 export async function addPoints(state, { file, name }) {
   const added = await ask({
     title: `Add the rows of ${name}`,

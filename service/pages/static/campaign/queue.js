@@ -216,7 +216,6 @@ export class UploadQueue extends EventTarget {
     await this.journal.clear(open.filter((item) => !item.armed || ["sent", "there"].includes(item.state)).map((item) => item.key));
   }
 
-  /** Send no more; what has not been sent stays listed. */
   async stop() {
     const held = this.items.filter((item) => item.armed && OPEN.includes(item.state));
     for (const item of held) {
@@ -259,7 +258,6 @@ export class UploadQueue extends EventTarget {
     return still.length;
   }
 
-  /** Leave out what has not been sent. */
   async drop(items) {
     for (const item of items) {
       item.abort?.abort();
@@ -329,7 +327,6 @@ export class UploadQueue extends EventTarget {
     this.changed();
   }
 
-  /** Bytes a second over the last ten. */
   get rate() {
     const since = Date.now() - 10000;
     this.moved = this.moved.filter(([at]) => at > since);

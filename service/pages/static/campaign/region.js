@@ -1,15 +1,13 @@
 // The region: drawn on a frame's preview or imported from ImageJ, set for the campaign or for one frame.
 
 import { get, put } from "../api.js";
-import { byId, fill, h, may, toast } from "../dom.js";
-import { inOrder } from "../groups.js";
-import { act, empty, wrong } from "../states.js";
-import { RegionCanvas, RegionEditor } from "./canvas.js";
-import { select } from "./forms.js";
-import { adviceOn, countOwn, holdingFor, startsEmpty } from "./holding.js";
+import { act, byId, empty, fill, h, may, toast, wrong } from "../dom.js";
+import { inOrder } from "../format.js";
+import { RegionCanvas, RegionEditor, faultOf } from "./canvas.js";
+import { select } from "../ask.js";
+import { adviceOn, countOwn, holdingFor, startsEmpty } from "./state.js";
 import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
-import { faultOf } from "./polygon.js";
 
 const MOST_LISTED = 200;
 
@@ -83,9 +81,7 @@ function build(state, drawable) {
   const button = (text, label, onclick) => h("button", { type: "button", title: label, "aria-label": label, onclick }, text);
   const undo = button("↶", "Undo", () => editor.undo());
   const redo = button("↷", "Redo", () => editor.redo());
-  const toolbar = h(
-    "div",
-    { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" },
+  const toolbar = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" },
     button("+", "Zoom in", () => canvas.zoom(0.7)),
     button("−", "Zoom out", () => canvas.zoom(1 / 0.7)),
     h("button", { type: "button", onclick: () => canvas.fit() }, "All"),
@@ -121,9 +117,7 @@ function build(state, drawable) {
     byId("region").scrollIntoView();
     canvas.element.focus({ preventScroll: true });
   });
-  const element = h(
-    "div",
-    { class: "roi-tool" },
+  const element = h("div", { class: "roi-tool" },
     h("div", { class: "roi-stage" }, h("div", { class: "roi-frame" }, button("‹", "Previous frame", () => step(-1)), frames, button("›", "Next frame", () => step(1))), canvas.element, toolbar, own),
     h("div", { class: "roi-side" }, parts, look.element, saving, imagejPart(editor, () => frame)),
   );
@@ -146,18 +140,12 @@ function partsOf(editor) {
   const name = (region, index) => region.name || `Part ${index + 1}`;
   return [
     h("h3", {}, "Parts"),
-    h(
-      "ul",
-      { class: "plain" },
-      editor.regions.map((region, index) =>
-        h(
-          "li",
-          { class: index === editor.active ? "active" : "" },
-          h("button", { type: "button", class: "quiet", "aria-pressed": String(index === editor.active), "aria-label": `Draw ${name(region, index)}`, onclick: () => editor.choose(index) }, index === editor.active ? "●" : "○"),
-          h("input", { value: region.name, placeholder: name(region, index), "aria-label": `Name of part ${index + 1}`, onchange: (event) => editor.rename(index, event.target.value.trim()) }),
-          h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name(region, index)}`, onclick: () => editor.removeRegion(index) }, "Remove"),
-        ),
-      ),
+    h("ul", { class: "plain" },
+      editor.regions.map((region, index) => h("li", { class: index === editor.active ? "active" : "" },
+        h("button", { type: "button", class: "quiet", "aria-pressed": String(index === editor.active), "aria-label": `Draw ${name(region, index)}`, onclick: () => editor.choose(index) }, index === editor.active ? "●" : "○"),
+        h("input", { value: region.name, placeholder: name(region, index), "aria-label": `Name of part ${index + 1}`, onchange: (event) => editor.rename(index, event.target.value.trim()) }),
+        h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name(region, index)}`, onclick: () => editor.removeRegion(index) }, "Remove"),
+      )),
     ),
     h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => editor.addRegion(`part-${editor.regions.length + 1}`) }, "Add a part")),
   ];
@@ -190,9 +178,7 @@ function savePart(state, editor, frameOf) {
     await put(`/v1/frames/${frame.id}/roi`, read());
     await saved(`${frame.filename} now has its own region.`);
   };
-  return h(
-    "div",
-    { class: "roi-save" },
+  return h("div", { class: "roi-save" },
     h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, forAll) }, "Use for all frames"), h("button", { type: "button", onclick: (event) => act(event.target, forOne) }, "Use for this frame")),
   );
 }

@@ -1,14 +1,12 @@
 // The rows of the grid and its heads, drawn where they differ from what is there.
 
-import { ask } from "../ask.js";
+import { ask, decimal } from "../ask.js";
 import { small } from "../causes.js";
-import { OUTCOMES, done, fill, h, mark, may, openDialog, svg, table, take, toast } from "../dom.js";
+import { OUTCOMES, act, done, fill, h, mark, may, openDialog, svg, table, take, toast } from "../dom.js";
 import { counted, exposureTime, number, percent, stateWords, time, typeset } from "../format.js";
-import { act } from "../states.js";
 import { written } from "./book.js";
-import { decimal } from "./forms.js";
-import { nameOfMeter } from "./meters.js";
-import { imageOf } from "./pictures.js";
+import { nameOfMeter } from "./target.js";
+import { imageOf } from "./state.js";
 import { UNITS } from "./sheet.js";
 
 /** Readings of one scene that differ by more than this are marked. */
@@ -42,7 +40,6 @@ function extraHeight(book, scene) {
   return (fields.length - 1) * HEIGHTS.reading + (second ? HEIGHTS.line : 0) + (told?.theirs || doubt ? HEIGHTS.note : 0);
 }
 
-/** What changes the look of a scene's head. */
 const lookOfHead = (book, scene) => [book.of(scene), book.told.get(scene), book.doubtOf(scene), book.unit, book.meter_id, book.meters.length];
 
 function sceneHead(row, book, { menu }) {
@@ -84,7 +81,6 @@ function fieldOf(row, book, reading, place, doubt) {
 const note = (kind, said, ...buttons) => h("div", { class: `scene-note ${kind}`, role: "alert" }, h("p", {}, said), h("p", { class: "scene-line" }, buttons));
 const button = (text, action) => small(text, (event) => act(event.target, action));
 
-/** Another user was faster: both values are offered. */
 function conflict(scene, book, { mine, theirs }, standing) {
   const put = (seen) => () => book.put(scene, mine, seen);
   return note("warn", [h("strong", {}, typeset(theirs)), " Keep yours or theirs?"], button(`Yours: ${mine}`, put(standing ?? null)), button(standing ? `Theirs: ${number(standing.entered_value, DIGITS)}` : "Theirs: none", () => book.tell(scene)), standing ? button("Both", put(undefined)) : null);
@@ -106,7 +102,6 @@ function dots(values) {
   return svg("svg", { class: "dots", viewBox: "0 0 74 14", "aria-hidden": "true" }, svg("path", { d: "M2 7h70" }), ...values.map((value) => svg("circle", { cx: at(value), cy: 7, r: 3 })));
 }
 
-/** All readings of a scene in a dialog, withdrawn ones too. */
 function openReadings(scene, book) {
   const list = h("div");
   const draw = () => fill(list, rowsOf(book, book.of(scene)));
@@ -116,7 +111,6 @@ function openReadings(scene, book) {
   openDialog(dialog);
 }
 
-/** Readings as a table, each with its way out and back. */
 function rowsOf(book, readings) {
   if (!readings.length) return h("p", { class: "muted" }, "No reading yet.");
   const back = async (each) => {
@@ -143,7 +137,6 @@ function rowsOf(book, readings) {
 /** The mark of a frame: that of its verdict, unless it was left out. */
 export const kindOf = (frame) => (frame.withdrawn || frame.left_out !== null ? "out" : OUTCOMES[frame.outcome][0]);
 
-/** Its state in a word. */
 export function sayState(frame) {
   if (frame.withdrawn) return "Withdrawn";
   if (frame.left_out !== null) return "Left out";
@@ -157,7 +150,6 @@ const thumbnail = (frame) =>
     ? h("img", { class: "picture", ...imageOf(frame), alt: "", decoding: "async", width: 60, height: 45, draggable: "false" })
     : h("span", { class: "picture" }, mark(frame.state === "refused" ? "bad" : "wait"));
 
-/** What changes the look of a frame's cell. */
 const lookOf = (frame) => [frame.id, frame.state, frame.outcome, frame.code, frame.left_out, frame.withdrawn, frame.signal_dn, frame.exposure_time_s, frame.scene, frame.thumbnail];
 
 const hidden = (text) => h("span", { class: "hidden" }, text);
@@ -165,9 +157,7 @@ const hidden = (text) => h("span", { class: "hidden" }, text);
 export function frameCell(frame, { place, chosen, compact }) {
   const kind = kindOf(frame);
   const why = ["warn", "bad"].includes(kind) && frame.code ? stateWords(frame.code) : kind === "out" ? sayState(frame).toLowerCase() : frame.state === "received" ? "received" : "";
-  return h(
-    "button",
-    { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, title: frame.detail ?? frame.filename },
+  return h("button", { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, title: frame.detail ?? frame.filename },
     hidden(`${frame.filename}: ${[place, place && !compact ? "" : sayExposure(frame), sayState(frame).toLowerCase(), chosen ? "selected" : ""].filter(Boolean).join(", ")}, `),
     thumbnail(frame),
     h("span", { class: "pv" }, mark(kind)),
@@ -175,14 +165,11 @@ export function frameCell(frame, { place, chosen, compact }) {
   );
 }
 
-/** A suggested time, as cameras mark theirs. */
 const suggest = (seconds) => (seconds < 0.3 ? `1/${Number((1 / seconds).toPrecision(2))} s` : `${Number(seconds.toPrecision(2))} s`);
 
 function gapCell(gap, { place, compact }) {
   const how = typeset([gap.exposure_time_s && suggest(gap.exposure_time_s), gap.text].filter(Boolean).join(": "));
-  return h(
-    "button",
-    { type: "button", class: "cell-gap", tabindex: "-1", title: how },
+  return h("button", { type: "button", class: "cell-gap", tabindex: "-1", title: how },
     compact ? [h("b", { "aria-hidden": "true" }, "+"), hidden(`To photograph ${how}`)] : [h("b", {}, "To photograph"), " ", h("span", {}, how)],
     place ? hidden(`(${place})`) : null,
   );
@@ -192,9 +179,7 @@ function gapCell(gap, { place, compact }) {
 function pileCell({ key, more, toCheck }, { place }) {
   const said = more ? `${number(more, 6)} more` : "Show fewer";
   const check = toCheck ? `${number(toCheck, 6)} to check` : "";
-  return h(
-    "button",
-    { type: "button", class: "cell-pile", tabindex: "-1", "data-pile": key, "aria-expanded": String(!more) },
+  return h("button", { type: "button", class: "cell-pile", tabindex: "-1", "data-pile": key, "aria-expanded": String(!more) },
     h("b", {}, said),
     check ? h("span", {}, mark("warn"), " ", check) : null,
     place ? hidden(`(${place})`) : null,

@@ -1,16 +1,12 @@
 // The state of the campaign, kept up to date while the page is visible; every part listens to the data that it shows.
 
-import { all, get, getChanged, patch, pathOf } from "../api.js";
-import { natural } from "../groups.js";
-import { Turns, follow } from "../live.js";
-import { Pictures } from "./pictures.js";
+import { Turns, all, follow, get, getChanged, patch, pathOf } from "../api.js";
+import { counted, natural } from "../format.js";
 
 const FIRST = 200;
 const REST = 2000;
-/** Frames that one request changes. */
 const TOGETHER = 1000;
 
-/** Whether a frame has been read: only then is there a picture of it. */
 export const isRead = (frame) => ["read", "extracted"].includes(frame.state);
 
 export class CampaignState extends EventTarget {
@@ -50,7 +46,6 @@ export class CampaignState extends EventTarget {
     this.following = follow(() => this.look(), { events: { address: `${this.path}/events`, kind: "campaign" } });
   }
 
-  /** Look at once: something was changed here. */
   async touch() {
     await this.following?.now();
   }
@@ -121,3 +116,120 @@ export class CampaignState extends EventTarget {
     return [...new Set(this.frames.map((frame) => frame.scene).filter(Boolean))].sort(natural);
   }
 }
+
+const FOUND = { code: "found by the code of", reflect_area: "as the camera stated it for", other_band: "taken from another band, of" };
+
+/** A frame's own region in words; "" where the campaign's holds. */
+export function originOf(frame) {
+  if (!frame.roi_id) return "";
+  if (frame.roi_origin !== "found") return "drawn for this frame";
+  return `${FOUND[frame.roi_found_by]} ${frame.panel_serial ? `panel ${frame.panel_serial}` : "the panel"}`;
+}
+
+/** What to do about it, on the frame that is shown; "" where the campaign's region holds. */
+export function adviceOn(frame, state) {
+  if (startsEmpty(frame, state)) return "A field frame starts without a region: the campaign’s lies where the calibration was made. Draw what this frame shows, and set it only for this frame.";
+  if (!frame.roi_id) return "";
+  const said = frame.roi_origin === "found" ? `This frame’s region is shown, ${originOf(frame)}.` : "This frame’s own region is shown.";
+  return `${said} To replace it, draw a region and set it only for this frame. A region set for the campaign does not replace it.`;
+}
+
+/** How many frames have a region of their own: {own, found, said}; `said` is "" where none has. */
+export function countOwn(frames) {
+  const own = frames.filter((frame) => frame.roi_id);
+  const found = own.filter((frame) => frame.roi_origin === "found").length;
+  const said = [found && `${counted(found, "frame")} found on the panel`, own.length - found && `${counted(own.length - found, "frame")} drawn individually`].filter(Boolean).join(", ");
+  return { own: own.length, found, said };
+}
+
+/** Whether a frame shows another place than the campaign's region is meant for; a night's region is meant for its frames. */
+export const startsEmpty = (frame, state) => !state.method.measures && frame.role === "field" && !frame.roi_id;
+
+const known = new Map();
+
+/** The region that holds for a frame, as the API has it; null where there is none yet. */
+export function holdingFor(state, frame) {
+  if (!frame.roi_id || frame.roi_id === state.roi?.id) return state.roi;
+  if (!known.has(frame.roi_id)) {
+    const asked = get(`/v1/frames/${frame.id}/roi`);
+    known.set(frame.roi_id, asked);
+    asked.catch(() => known.delete(frame.roi_id));
+  }
+  return known.get(frame.roi_id);
+}
+
+/** Pictures of one request: a run of the grid's order, so that the same place is asked for in the same words, and found in the browser's cache. */
+const PICTURES_TOGETHER = 32;
+const MOST_KEPT = 2000;
+
+const isSeen = (image) => {
+  const { top, bottom } = image.getBoundingClientRect();
+  return bottom > 0 && top < innerHeight;
+};
+const nameOf = (frame) => `${frame.id}.${frame.thumbnail}`;
+
+class Pictures {
+  constructor(path) {
+    Object.assign(this, { path, order: [], places: new Map(), kept: new Map(), asking: false });
+  }
+
+  arrange(order) {
+    this.order = order;
+    this.places = new Map(order.map((frame, at) => [frame.id, at]));
+  }
+
+  /** Ask for the pictures that images lack, one run after the other: the first is there soonest on a slow line. */
+  async show() {
+    if (this.asking) return;
+    this.asking = true;
+    try {
+      for (let lacking = this.put(); lacking.length; lacking = this.put()) await this.ask(this.runOf(lacking.find(isSeen) ?? lacking[0]));
+    } catch (error) {
+      // asked for again when the grid comes to rest the next time
+      if (!error.code) throw error;
+    } finally {
+      this.asking = false;
+    }
+  }
+
+  /** Give the images of the page the pictures that are there; answers those that lack theirs. */
+  put() {
+    return [...document.querySelectorAll("img[data-frame]")].filter((image) => {
+      const kept = this.kept.get(image.dataset.frame);
+      if (kept?.name !== image.dataset.name) return true;
+      if (kept.url && image.src !== kept.url) image.src = kept.url;
+      return false;
+    });
+  }
+
+  /** The frame of an image with its neighbours, as far as they lack their pictures; alone where the grid does not show it. */
+  runOf({ dataset: { frame: id, name } }) {
+    const first = Math.floor(this.places.get(id) / PICTURES_TOGETHER) * PICTURES_TOGETHER;
+    const run = this.order.slice(first, first + PICTURES_TOGETHER).filter((frame) => frame.thumbnail && this.kept.get(frame.id)?.name !== nameOf(frame));
+    return run.some((frame) => nameOf(frame) === name) ? run : [{ id, thumbnail: name.slice(id.length + 1) }];
+  }
+
+  async ask(run) {
+    const { items } = await get(`${this.path}/thumbnails?${run.map((frame) => `of=${nameOf(frame)}`).join("&")}`);
+    const found = new Map(items.map(({ frame_id: id, picture }) => [id, picture]));
+    // what has no picture although it should is not asked for again
+    for (const frame of run) this.keep(frame.id, nameOf(frame), found.get(frame.id));
+  }
+
+  keep(id, name, picture) {
+    this.drop(id);
+    this.kept.set(id, { name, url: picture && URL.createObjectURL(new Blob([bytesOf(picture)], { type: "image/webp" })) });
+    if (this.kept.size > MOST_KEPT) this.drop(this.kept.keys().next().value);
+  }
+
+  drop(id) {
+    const { url } = this.kept.get(id) ?? {};
+    if (url) URL.revokeObjectURL(url);
+    this.kept.delete(id);
+  }
+}
+
+/** An image whose picture is to come; it has none while the frame was not read. */
+export const imageOf = (frame) => ({ "data-frame": frame.id, "data-name": nameOf(frame) });
+
+const bytesOf = (base64) => Uint8Array.from(atob(base64), (each) => each.charCodeAt(0));

@@ -1,10 +1,9 @@
-// The target: a board of squares, or a chart of edges or stars. Which, the fields that the method's target has tell.
+// What a campaign is measured against: its target, panel and meters.
 
-import { patch } from "../api.js";
-import { fill, h, may } from "../dom.js";
+import { all, patch, post } from "../api.js";
+import { about, ask, choices, decimal, field, numberOf, readNumber, select } from "../ask.js";
+import { act, empty, fill, h, may, wrong } from "../dom.js";
 import { words } from "../format.js";
-import { act, empty, wrong } from "../states.js";
-import { choices, decimal, field, numberOf, select } from "./forms.js";
 
 // where the manual has them
 const [BOARD, CHART] = ["/docs/geometry#the-target", "/docs/sharpness#photographing-the-target"];
@@ -43,20 +42,15 @@ function board(standing) {
     const charuco = kind === "charuco";
     const what = charuco ? "Squares" : "Inner corners";
     marker.required = charuco;
-    fill(
-      counted,
+    fill(counted,
       field(`${what} across`, columns, "As counted by the manufacturer.", BOARD),
       field(`${what} down`, rows, null, BOARD),
       field("Side of a square [mm]", square, "Measured on the print.", BOARD),
       charuco ? [field("Side of a marker [mm]", marker, null, BOARD), field("Dictionary", dictionary, null, BOARD)] : null,
     );
   };
-  const element = h(
-    "div",
-    {},
-    h(
-      "div",
-      { class: "choices", role: "radiogroup", "aria-label": "Board" },
+  const element = h("div", {},
+    h("div", { class: "choices", role: "radiogroup", "aria-label": "Board" },
       choices("board", [["checkerboard", "Checkerboard", "The whole board must be visible."], ["charuco", "ChArUco board", "With markers: a part of the board is sufficient."]], (chosen) => ((kind = chosen), draw()), kind),
     ),
     counted,
@@ -77,20 +71,14 @@ function chart(standing) {
   const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a pure gamma"]], {}, standing.tone_curve ?? "linear");
   const gamma = decimal({ value: standing.gamma ?? "2.2" });
   const more = h("div", { class: "fields" });
-  const draw = () =>
-    fill(
-      more,
-      kind === "siemens_star" ? field("Cycles of the star", cycles, "Pairs of a dark and a bright sector.", "/docs/sharpness#siemens-star") : null,
-      field("Tone curve to undo", curve, null, CHART),
-      curve.value === "gamma" ? field("Gamma", gamma, null, CHART) : null,
-    );
+  const draw = () => fill(more,
+    kind === "siemens_star" ? field("Cycles of the star", cycles, "Pairs of a dark and a bright sector.", "/docs/sharpness#siemens-star") : null,
+    field("Tone curve to undo", curve, null, CHART),
+    curve.value === "gamma" ? field("Gamma", gamma, null, CHART) : null,
+  );
   curve.addEventListener("change", draw);
-  const element = h(
-    "div",
-    {},
-    h(
-      "div",
-      { class: "choices", role: "radiogroup", "aria-label": "Chart" },
+  const element = h("div", {},
+    h("div", { class: "choices", role: "radiogroup", "aria-label": "Chart" },
       choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."]], (chosen) => ((kind = chosen), draw()), kind),
     ),
     more,
@@ -103,4 +91,82 @@ function chart(standing) {
     ...(curve.value === "gamma" ? { gamma: numberOf(gamma) } : {}),
   });
   return { element, read };
+}
+
+const NEW = "new";
+
+/** A campaign that began without its panel, as one from a card does, is told it in a dialog. */
+export async function choosePanel(state) {
+  const panels = await all("/v1/panels");
+  const { element, read } = panelPart(panels, panels.length ? (state.campaign.panel_id ?? "") : NEW);
+  const action = async () => patch(state.path, { panel_id: await read() });
+  if (await ask({ title: "Panel of this campaign", body: element, submit: "Save", action })) await state.touch();
+}
+
+/** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
+export function panelPart(panels, standing = "") {
+  const known = panels.map((each) => [each.id, `${each.serial}, ${each.bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
+  const chosen = select([["", "As named in the files, or the only one"], ...known, [NEW, "Register another…"]], {}, standing);
+  const serial = decimal({ inputmode: "text" });
+  const measured = h("input", { type: "date" });
+  const bands = h("textarea", { rows: "5", spellcheck: "false" });
+  const fresh = h("fieldset", {},
+    h("legend", {}, "New panel"),
+    h("div", { class: "fields" }, field("Serial number", serial, null, about("NewPanel", "serial")), field("Measured on", measured, null, about("NewPanel", "measured_on"))),
+    field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known).", about("NewPanel", "bands")),
+  );
+  const show = () => {
+    fresh.hidden = chosen.value !== NEW;
+    serial.required = measured.required = bands.required = !fresh.hidden;
+  };
+  chosen.addEventListener("change", show);
+  show();
+  const read = async () => {
+    if (chosen.value !== NEW) return chosen.value || undefined;
+    const body = { serial: serial.value.trim(), measured_on: measured.value, bands: readBands(bands.value) };
+    return (await post("/v1/panels", body)).id;
+  };
+  return { element: h("div", {}, field("Panel", chosen, null, about("NewCampaign", "panel_id")), fresh), read };
+}
+
+function readBands(text) {
+  const lines = text.split("\n").map((line, index) => [index + 1, line.trim()]);
+  return lines.filter(([, line]) => line).map(([number, line]) => {
+    // a band's name may have two words, such as "Red edge": the numbers come last
+    const said = line.split(/[\s;]+/);
+    const figures = said.slice(-2).map(readNumber).filter((value) => !Number.isNaN(value));
+    const band = said.slice(0, said.length - figures.length).join(" ");
+    const [reflectance, uncertainty] = figures;
+    if (!band || Number.isNaN(readNumber(said.at(-1)))) throw wrong(`Line ${number}: “${line}” should read as green 0.69 0.005.`);
+    return { band, reflectance, ...(uncertainty === undefined ? {} : { standard_uncertainty: uncertainty }) };
+  });
+}
+
+export const nameOfMeter = (meter) => meter && `${meter.make} ${meter.model} ${meter.serial}`;
+
+/** Ask for a meter, or for the next certificate of one; answers it as it was registered, or undefined. */
+export const askForMeter = (meter = {}) => ask({
+  title: meter.id ? "Add a certificate" : "Register a meter",
+  fields: [
+    { name: "kind", label: "Kind", of: "NewMeter", options: [["luminance", "Luminance meter"], ["illuminance", "Illuminance meter"], ["sunshine", "Sunshine sensor"]], value: meter.kind },
+    { name: "make", label: "Make", of: "NewMeter", value: meter.make },
+    { name: "model", label: "Model", of: "NewMeter", value: meter.model },
+    { name: "serial", label: "Serial number", of: "NewMeter", value: meter.serial },
+    { name: "number", label: "Certificate number", of: ["Certificate", "number"], required: false },
+    { name: "laboratory", label: "Laboratory", of: ["Certificate", "laboratory"], required: false },
+    { name: "issued_on", label: "Issued on", of: ["Certificate", "issued_on"], type: "date", required: false },
+    { name: "due_on", label: "Due on", of: ["Certificate", "due_on"], type: "date", required: false },
+    { name: "uncertainty", label: "Expanded uncertainty [%]", of: ["Certificate", "expanded_uncertainty_rel"], required: false },
+    { name: "coverage", label: "Coverage factor", of: ["Certificate", "coverage_factor"], value: "2", required: false },
+  ],
+  submit: meter.id ? "Add" : "Register",
+  action: ({ kind, make, model, serial, ...rest }) => post("/v1/meters", { kind, make, model, serial, ...certificateOf(rest) }),
+});
+
+function certificateOf({ number, laboratory, issued_on, due_on, uncertainty, coverage }) {
+  if (!number && !laboratory && !issued_on && !uncertainty) return {};
+  if (!number || !laboratory || !issued_on || !due_on || !uncertainty || !coverage) throw wrong("Enter number, laboratory, both dates, uncertainty and coverage factor of the certificate, or leave all of them empty.");
+  const [percent, factor] = [readNumber(uncertainty), readNumber(coverage)];
+  if (!(percent > 0 && percent < 100) || !(factor >= 1)) throw wrong("The uncertainty is a percentage such as 2, the coverage factor a number such as 2.");
+  return { certificate: { number, laboratory, issued_on, due_on, expanded_uncertainty_rel: percent / 100, coverage_factor: factor } };
 }

@@ -1,22 +1,18 @@
 // The upload area: what stands in the way, progress of all, and role, progress and verdict of each file.
 
 import { get, patch, post } from "../api.js";
-import { readCard } from "../card/files.js";
+import { readCard } from "../card/headers.js";
 import { differs, findAsides, nameOf, splitSkipped } from "../card/propose.js";
 import { sayCheck } from "../card/view.js";
 import { causeList, small } from "../causes.js";
-import { fill, h, isPressed, mark, may, toast } from "../dom.js";
-import { bytes, counted, span, tag } from "../format.js";
-import { groupBy } from "../groups.js";
-import { goOn, takeHanded } from "../handover.js";
-import { roleLabel, roleOptions } from "../methods.js";
-import { act } from "../states.js";
-import { acceptDrops, choosers } from "./drop.js";
-import { select } from "./forms.js";
-import { titleOf } from "./named.js";
+import { act, fill, h, isPressed, mark, may, placeAfter, toast } from "../dom.js";
+import { bytes, counted, groupBy, span, tag } from "../format.js";
+import { roleLabel, roleOptions, titleOf } from "../methods.js";
+import { acceptDrops, choosers, goOn, takeHanded } from "./drop.js";
+import { select } from "../ask.js";
 import { judge, patternsPart } from "./patterns.js";
 import { OPEN, UploadQueue } from "./queue.js";
-import { mendButtons } from "./refused.js";
+import { mendButtons } from "./moves.js";
 
 const MARGIN = 6;
 
@@ -28,13 +24,7 @@ function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf }) {
   const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
   const below = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
   const body = h("tbody", {}, above, below);
-  const grid = h(
-    "table",
-    {},
-    h("caption", { class: "hidden" }, caption),
-    h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))),
-    body,
-  );
+  const grid = h("table", {}, h("caption", { class: "hidden" }, caption), h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))), body);
   const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, grid);
   let items = [];
   let drawn = new Map();
@@ -54,12 +44,7 @@ function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf }) {
       if (row.element.contains(document.activeElement)) left = row.element.rowIndex;
       row.element.remove();
     }
-    let place = above;
-    for (const row of next.values()) {
-      // moved only where it must be: a row that stays keeps its focus
-      if (place.nextSibling !== row.element) place.after(row.element);
-      place = row.element;
-    }
+    placeAfter(above, next.values());
     drawn = next;
     above.firstChild.style.height = `${from * rowHeight}px`;
     below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
@@ -212,9 +197,7 @@ export function uploadSection(state) {
 
 function dropZone(take) {
   const [files, folder] = choosers(take, "send");
-  const zone = h(
-    "div",
-    { class: "drop" },
+  const zone = h("div", { class: "drop" },
     h("p", {}, h("strong", {}, "Drop the camera’s files or a folder here")),
     h("p", { class: "muted small" }, "Files are compared by content first; files that the service already has are not sent again. A lost connection or a reload loses nothing."),
     h("p", { class: "actions" }, h("button", { type: "button", onclick: () => files.click() }, "Choose files"), h("button", { type: "button", class: "quiet", onclick: () => folder.click() }, "Choose a folder"), files, folder),
@@ -255,9 +238,7 @@ function otherCamera(campaign, camera, others, count, change) {
   const { make, model, serial, lens } = others[0].header;
   const one = bodies.size === 1 && make && model && serial && others.length === count && may("calibrate");
   const said = [...new Set(others.map((row) => nameOf(row.header)))].slice(0, 3).join(", ");
-  return h(
-    "div",
-    { class: "verdict-words bad", role: "alert" },
+  return h("div", { class: "verdict-words bad", role: "alert" },
     mark("bad"),
     h("h3", {}, "These frames are from another camera"),
     h("p", {}, `${titleOf(campaign)} is for `, h("strong", {}, nameOf(camera)), `. ${others.length === count ? (count === 1 ? "The file says" : `All ${count} files say`) : `${others.length} of ${count} files say`} `, h("strong", {}, said), ". They have not been sent."),
@@ -291,9 +272,7 @@ function summary(state, queue, given) {
     retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending goes on by itself; you may close this page and come back.`) : null,
     queue.refusal ? refusalOf(state, queue) : null,
     notes.length ? h("p", { class: "muted small" }, notes.join(" · ")) : null,
-    h(
-      "p",
-      { class: "actions" },
+    h("p", { class: "actions" },
       queue.refusal ? null : open.length || failed.length ? button(open.length ? `Send ${counted(open.length, "file")}` : "Try again", "send", (event) => act(event.target, () => queue.send()), { class: "primary" }) : null,
       unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
       retrying.length ? button("Try now", "now", () => queue.retryNow()) : null,
@@ -304,7 +283,6 @@ function summary(state, queue, given) {
   ];
 }
 
-/** Save the receipt of all files in the list; what else was chosen is named there as not sent. */
 async function saveReceipt(state, items, given) {
   const files = items.map(({ name, size, sha256 }) => ({ name, size_bytes: size, sha256 }));
   const others = [...given].filter(([name]) => !items.some((item) => item.name === name)).map(([name, size]) => ({ name, size_bytes: size }));
@@ -313,7 +291,6 @@ async function saveReceipt(state, items, given) {
   else toast(`${counted(missing.length, "file")} of ${files.length} ${missing.length === 1 ? "is" : "are"} not stored whole. Keep the card and send it again.`);
 }
 
-/** The refusal that stopped the rest, said once for all. */
 function refusalOf(state, queue) {
   const { refusal } = queue;
   const title = refusal.sent ? `Sending stopped after ${counted(refusal.sent, "file")}` : "Sending stopped after the first file";

@@ -1,13 +1,11 @@
 // What is seen of one frame: all of it or its pixels, alone or beside another frame at the same place.
 
-import { post } from "../api.js";
+import { followJob, pause, post } from "../api.js";
 import { h, svg } from "../dom.js";
 import { counted, exposureTime, number } from "../format.js";
-import { followJob, pause } from "../live.js";
-import { select } from "./forms.js";
-import { holdingFor } from "./holding.js";
+import { select } from "../ask.js";
 import { PictureView } from "./picture-view.js";
-import { isRead } from "./state.js";
+import { holdingFor, isRead } from "./state.js";
 
 const SETTLE_MS = 250;
 const MOST_SIDE_PX = 1024;
@@ -144,16 +142,13 @@ export function viewerPart(state) {
   const way = h("span", { class: "actions" }, chosen, h("span", { class: "segments" }, blink), swap);
   const element = h("div", {}, pair, h("div", { class: "under-picture" }, h("div", { class: "segments", role: "group", "aria-label": "View" }, whole, pixels, beside), way));
 
+  const turn = () => pair.classList.toggle("second");
   const comparing = () => !figures[1].hidden;
   const candidates = () => state.frames.filter((each) => each.id !== frame?.id && isRead(each) && each.width_px === frame?.width_px && each.height_px === frame?.height_px).sort((a, b) => (b.scene === frame.scene) - (a.scene === frame.scene)).slice(0, MOST_LISTED);
 
   function told() {
     whole.setAttribute("aria-pressed", String(picture.isWhole));
     pixels.setAttribute("aria-pressed", String(!picture.isWhole && Math.abs(picture.scale - 1) < 0.02));
-  }
-
-  function turn() {
-    pair.classList.toggle("second");
   }
 
   /** One in the place of the other, by turns until it is pressed again; by hand alone for who wants no motion. */

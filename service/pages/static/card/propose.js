@@ -2,7 +2,7 @@
 // The service proposes method, roles and scenes; docs/pages.md states its limits.
 
 import { post } from "../api.js";
-import { groupBy, natural } from "../groups.js";
+import { groupBy, natural } from "../format.js";
 import { isNight } from "../methods.js";
 
 /** Thresholds, as docs/pages.md states them. */
@@ -169,7 +169,6 @@ function describeScene(frames) {
   return { role: frames[0].role, scene: frames[0].scene, frames, folder: frames[0].name.split("/").slice(0, -1).join("/"), from: times[0], to: times.at(-1), isos: of("iso"), exposures: of("exposure_time_s"), fNumbers: of("f_number") };
 }
 
-/** JPEG twins of raw frames, other pictures, videos, and other files. */
 export function splitSkipped(rows) {
   const stem = (name) => name.replace(/\.\w+$/, "").toLowerCase();
   const raws = new Set(rows.filter((row) => row.kind === "raw" && row.header).map((row) => stem(row.name)));

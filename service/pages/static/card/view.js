@@ -1,11 +1,10 @@
 // What a card holds and what is proposed for it, with everything that can be changed before sending.
 
-import { about, field, select } from "../campaign/forms.js";
-import { titleOf } from "../campaign/named.js";
+import { about, field, select } from "../ask.js";
 import { causeList, small } from "../causes.js";
 import { figure, fill, h, mark, openDialog } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
-import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
+import { kindOf, labelOf, roleLabel, roleOptions, titleOf } from "../methods.js";
 import { registerCamera } from "../pages/camera-edit.js";
 import { timeline } from "../timeline.js";
 import { readRow } from "./headers.js";
@@ -66,7 +65,6 @@ const shortName = (path) => path.split("/").at(-1).replace(/\.\w+$/, "");
 const scenesOf = (found) => found.scenes.filter((each) => each.scene !== undefined);
 const names = (frames) => `${frames.slice(0, 5).map((frame) => shortName(frame.name)).join(", ")}${frames.length > 5 ? ` and ${frames.length - 5} more` : ""}`;
 const isosOf = (frames) => [...new Set(frames.map((frame) => frame.header.iso).filter(Boolean))].sort((a, b) => a - b);
-/** "2 ISO values"; nothing where no file states one. */
 export const isoValues = (frames) => { const { length } = isosOf(frames); return length ? counted(length, "ISO value") : ""; };
 const stamp = (instant, from = 0, to = 16) => new Date(instant).toISOString().replace("T", " ").slice(from, to);
 /** "2026-05-01 21:10–21:14": a date once, if it is one. */
@@ -78,9 +76,7 @@ function head({ found, rows, seconds }) {
   const inScenes = scenesOf(found).length;
   const title = list([counted(found.frames.length, "frame"), inScenes && counted(inScenes, "scene"), found.cameras.length > 1 ? `${found.cameras.length} cameras` : `one ${found.camera.known ? "known" : "new"} camera`]);
   const there = found.here.length && !found.frames.length && `${counted(found.here.length, "frame")}, already here`;
-  return h(
-    "div",
-    { class: "head" },
+  return h("div", { class: "head" },
     h("nav", { class: "crumbs", "aria-label": "Breadcrumbs" }, h("a", { href: "/" }, "Start")),
     h("div", { class: "head-row" }, h("h1", { tabindex: "-1" }, there || title)),
     h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, found.here.length ? `Already here: ${found.here.length} of ${found.here.length + found.frames.length}` : "No frame has been sent")),
@@ -95,9 +91,7 @@ function figures(found) {
   const { twins, pictures, videos, others } = found.skipped;
   const skipped = [...twins, ...pictures, ...videos, ...others];
   const kinds = new Set(found.frames.map((frame) => frame.name.split(".").at(-1).toUpperCase()));
-  return h(
-    "dl",
-    { class: "figures" },
+  return h("dl", { class: "figures" },
     figure(found.pictures ? "Pictures" : "Raw frames", number(found.frames.length, 6), list([bytes(size), kinds.size === 1 && `all ${[...kinds][0]}`])),
     figure(role.length === 1 ? `${roleLabel(role[0])} frames` : "Other frames", number(lit.length, 6), list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isoValues(lit)])),
     figure("Dark frames", number(darks.length, 6), darks.length ? list([isoValues(darks), exposuresOf(darks)]) : "none found"),
@@ -124,14 +118,12 @@ function nothingRaw({ rows, found }, tell) {
 function cameraTrouble({ found, choice }, tell) {
   const { cameras, camera, campaign } = found;
   const box = (kind, title, text, ...actions) => h("div", { class: `verdict-words ${kind}`, role: "alert" }, mark(kind), h("h2", {}, title), h("p", {}, text), actions.length ? h("p", { class: "actions" }, actions) : null);
-  const several = cameras.length > 1 && box(
-    "warn",
+  const several = cameras.length > 1 && box("warn",
     `${["Two", "Three", "Four", "Five"][cameras.length - 2] ?? cameras.length} cameras on this card`,
     `${list(cameras.map((each) => `${counted(each.frames.length, "frame")} of ${nameOf(each)}`))}. A campaign has one camera: its frames are sent now, the others with the next.`,
     ...cameras.map((each) => small(`Send only ${each.serial ?? each.model ?? "the unnamed"}`, () => ((choice.camera = each.key), tell.changed()), { "aria-pressed": String(each === camera), "data-keep": each.key })),
   );
-  const renamed = camera.renamed && box(
-    "bad",
+  const renamed = camera.renamed && box("bad",
     "This serial number belongs to a camera of another name",
     `Registered is ${nameOf(camera.renamed)}. ${camera.frames.length === 1 ? "The file says" : `All ${camera.frames.length} files say`} ${nameOf(camera)}. The campaigns of ${nameOf(camera.renamed)} refuse these files; a new campaign registers the name that the files state. Nothing has been sent.`,
   );
@@ -170,7 +162,6 @@ const SAID = {
   darks_too_short: ({ dark_s: dark, light_s: light }) => [`Dark frames up to ${exposureTime(dark)} only`, `The other frames run to ${exposureTime(light)}. One more dark frame per ISO value at ${exposureTime(light)} would cover them.`],
 };
 
-/** [title, sentence] of a check. */
 export const sayCheck = (check) => SAID[check.code](check);
 
 function checks({ found, choice }, tell) {
@@ -197,17 +188,11 @@ function scenes(card, tell) {
   const { found } = card;
   const checked = new Set(found.checks.filter((check) => check.mark === "warn").flatMap((check) => check.frames ?? []).map((frame) => frame.key));
   const heads = ["Picture", "Scene", "Taken", "Frames", "ISO", "Exposure", "Role"];
-  return h(
-    "section",
-    { class: "tight", "aria-labelledby": "scenes" },
+  return h("section", { class: "tight", "aria-labelledby": "scenes" },
     h("div", { class: "section-head" }, h("h2", { id: "scenes" }, "Scenes"), h("p", {}, "From folders, pauses and exposure. Drag the edge of a bracket to split or join, or give two scenes one name.")),
     timeline(found, { checked, regroup: (frames, scene) => (move(choice, frames, { scene: scene ?? freshName(found) }), tell.changed()) }),
-    h(
-      "div",
-      { class: "table scenes", role: "group", tabindex: "0", "aria-label": "Scenes" },
-      h(
-        "table",
-        { role: "table", class: "stack" },
+    h("div", { class: "table scenes", role: "group", tabindex: "0", "aria-label": "Scenes" },
+      h("table", { role: "table", class: "stack" },
         h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, heads.map((text, at) => h("th", { role: "columnheader", scope: "col", class: text === "Frames" ? "number" : null }, at ? text : h("span", { class: "hidden" }, text))))),
         h("tbody", { role: "rowgroup" }, found.scenes.map((scene, at) => sceneRow(card, scene, at, checked, tell))),
       ),
@@ -223,9 +208,7 @@ function sceneRow({ found, choice }, scene, at, checked, tell) {
   const role = select(roleOptions(found.method).filter(([each]) => each === "field" || (!found.campaign.measures && found.method.roles.some((own) => own.name === each))), { "aria-label": `Role of scene ${here}`, "data-keep": `role ${here}`, onchange: (event) => (move(choice, frames, { role: event.target.value }), tell.changed()) }, scene.role);
   const outs = frames.filter((frame) => choice.leftOut.has(frame.key)).length;
   const warned = frames.some((frame) => checked.has(frame.key));
-  return h(
-    "tr",
-    { role: "row" },
+  return h("tr", { role: "row" },
     h("td", { role: "cell", class: "pic" }, drawPicture(frames.find((frame) => !choice.leftOut.has(frame.key)) ?? frames[0])),
     cell("Scene", name),
     cell("Taken", h("span", { class: "num" }, scene.from ? period(scene.from, scene.to) : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")),
@@ -236,13 +219,11 @@ function sceneRow({ found, choice }, scene, at, checked, tell) {
   );
 }
 
-/** A name that no scene has. */
 function freshName(found) {
   const names = scenesOf(found).map((each) => each.scene);
   for (let count = names.length + 1; ; count += 1) if (!names.includes(`Scene ${count}`)) return `Scene ${count}`;
 }
 
-/** The frames of a scene: each can be moved or left out, and a scene can be split at one. */
 function showFrames(found, scene, choice, tell) {
   const names = scenesOf(found).map((each) => each.scene);
   const fresh = freshName(found);
@@ -251,9 +232,7 @@ function showFrames(found, scene, choice, tell) {
   const sceneOf = (frame) => choice.said.get(frame.key)?.scene ?? frame.scene;
   const draw = () =>
     fill(body, h("table", {}, h("thead", {}, h("tr", {}, ["Frame", "Taken", "Exposure", "Scene", "Send", ""].map((text) => h("th", { scope: "col" }, text || h("span", { class: "hidden" }, "Split"))))), h("tbody", {}, scene.frames.map((frame, at) =>
-      h(
-        "tr",
-        {},
+      h("tr", {},
         h("th", { scope: "row" }, shortName(frame.name)),
         h("td", { class: "num" }, frame.header.taken ? stamp(frame.header.taken, 0, 19) : "–"),
         h("td", { class: "num" }, list([exposureTime(frame.header.exposure_time_s), frame.header.f_number && `f/${number(frame.header.f_number, 3)}`, frame.header.iso && `ISO ${frame.header.iso}`])),
@@ -267,9 +246,7 @@ function showFrames(found, scene, choice, tell) {
 
 function cameraCard({ found: { camera, cameras }, inForce }) {
   const held = (inForce ?? []).filter((row) => row.camera_id === camera.known?.id).map((row) => `${labelOf(row.method)} version ${row.version}`);
-  return h(
-    "div",
-    { class: "card" },
+  return h("div", { class: "card" },
     h("p", { class: "panel-title" }, "Camera"),
     h("p", { class: "spread" }, h("strong", {}, nameOf(camera)), camera.known ? tag("known", "good") : tag("new", "live")),
     h("p", { class: "small muted" }, cameras.length === 1 ? `All ${counted(camera.frames.length, "header")} agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
@@ -290,9 +267,7 @@ function campaignCard({ found, choice, project }, tell) {
     const [title, sub] = text[offer.kind](offer);
     return picker(title, sub, offer === campaign, offer.key, () => pick(offer.key));
   });
-  return h(
-    "fieldset",
-    { class: "card" },
+  return h("fieldset", { class: "card" },
     h("legend", { class: "hidden" }, "Campaign"),
     h("p", { class: "panel-title", "aria-hidden": "true" }, "Campaign"),
     h("div", { class: "pickers" }, pickers, picker("Something else", list(others.map((offer) => labelOf(offer.method))), campaign.kind === "other", "other", () => pick(others[0].key))),
@@ -315,9 +290,7 @@ function foot({ found, choice }, tell) {
   const seconds = (8 * size) / (LINK_MBIT * 1e6);
   const adds = found.campaign.kind === "add";
   const ready = found.frames.length > 0 && (found.camera.complete || adds || choice.registered);
-  return h(
-    "div",
-    { class: "foot-bar" },
+  return h("div", { class: "foot-bar" },
     h("p", {}, h("strong", {}, found.frames.length || !found.here.length ? `${counted(found.frames.length, "frame")}, ${bytes(size)}` : "All frames are there"), h("span", { class: "muted" }, ` ${found.frames.length || !found.here.length ? "to" : "in"} ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
     h("p", { class: "actions" }, h("button", { type: "button", class: "quiet", onclick: tell.cancel }, "Cancel"), adds && found.here.length && !found.frames.length ? h("a", { class: "button primary", href: `/campaigns/${found.campaign.campaign.id}` }, "Open the campaign") : h("button", { type: "button", class: "primary", disabled: !ready, "data-keep": "send", onclick: (event) => tell.send(event.target) }, adds ? "Send" : "Create campaign and send")),
   );

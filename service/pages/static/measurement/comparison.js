@@ -1,11 +1,9 @@
 // Comparison of two measurements: the difference and its significance, both maps, every cell.
 
 import { get } from "../api.js";
-import { byId, figure, fill, h } from "../dom.js";
+import { byId, empty, figure, fill, h, load } from "../dom.js";
 import { day, quantity, typeset, withUncertainty } from "../format.js";
-import { empty, load } from "../states.js";
-import { MapView, cellTable, scaleTools } from "./map.js";
-import { loadMap } from "./values.js";
+import { MapView, cellTable, loadMap, scaleTools } from "./map.js";
 import { regionOf } from "./words.js";
 
 const { old, new: newer } = document.querySelector("main").dataset;
@@ -21,9 +19,7 @@ load(byId("verdict"), compared, (found) => {
   return [
     h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, typeset(found.said))),
     found.confusion_rel === undefined ? null : h("p", { class: "note" }, `Two types of lamp could show a change of up to ${Math.round(100 * found.confusion_rel)} % without any. `, h("a", { href: `${location.pathname}?${new URLSearchParams([...new URL(location.href).searchParams, ["same_light", "true"]])}` }, "The same lamps lit both")),
-    h(
-      "dl",
-      { class: "figures" },
+    h("dl", { class: "figures" },
       side("Older", found.old),
       side("Newer", found.new),
       figure("Difference", quantity(found.difference), found.change ? changeText(found.change) : ""),
@@ -37,7 +33,6 @@ for (const [place, index] of [["old", 0], ["new", 1]]) {
   load(byId(`map-${place}`), async () => mapOf((await both)[index], place), (drawn) => drawn);
 }
 
-/** The comparison, or why it is refused. */
 async function compared() {
   try {
     return await get(`/v1/measurements/${newer}/comparison?old=${old}${asked}`);

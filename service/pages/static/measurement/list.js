@@ -1,9 +1,8 @@
 // All measurements, newest first; two of a kind can be compared.
 
 import { all, get, pathOf } from "../api.js";
-import { titleOf as titleOfCampaign } from "../campaign/named.js";
-import { byId, fill, h, may } from "../dom.js";
-import { act, empty, failed, load } from "../states.js";
+import { titleOf as titleOfCampaign } from "../methods.js";
+import { act, byId, empty, failed, fill, h, load, may } from "../dom.js";
 import { measurementTable, titleOf } from "./words.js";
 
 const form = byId("filters");
@@ -39,8 +38,7 @@ function offer(name, options) {
 function show() {
   const said = new URL(location.href).searchParams;
   const query = new URLSearchParams(["camera_id", "campaign_id"].filter((name) => said.get(name)).map((name) => [name, said.get(name)]));
-  load(
-    byId("measurements"),
+  load(byId("measurements"),
     async () => {
       const page = await get(`/v1/measurements?${new URLSearchParams([...query, ["limit", "100"]])}`);
       const wanted = said.get("compare");
@@ -66,14 +64,12 @@ const none = (filtered) =>
 function draw() {
   const pick = { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box };
   const more = h("button", { type: "button" }, "Show more");
-  more.addEventListener("click", () =>
-    act(more, async () => {
-      const page = await get(pathOf(next));
-      rows = [...rows, ...page.items];
-      next = page.next;
-      fill(byId("measurements"), draw());
-    }),
-  );
+  more.addEventListener("click", () => act(more, async () => {
+    const page = await get(pathOf(next));
+    rows = [...rows, ...page.items];
+    next = page.next;
+    fill(byId("measurements"), draw());
+  }));
   return [measurementTable(rows, pick), next ? h("p", { class: "more" }, more) : null];
 }
 
@@ -94,12 +90,9 @@ function drawPair() {
   if (bar.hidden) return;
   const pair = [...chosen.values()].sort((a, b) => (a.taken_at ?? a.created_at).localeCompare(b.taken_at ?? b.created_at));
   const alike = pair.length === 2 && titleOf(pair[0]) === titleOf(pair[1]);
-  fill(
-    bar,
+  fill(bar,
     h("p", {}, pair.length === 2 ? [h("strong", {}, pair[0].filename), " against ", h("strong", {}, pair[1].filename)] : [h("strong", {}, pair[0].filename), h("span", { class: "muted" }, " against another: choose one more")]),
-    h(
-      "span",
-      { class: "actions" },
+    h("span", { class: "actions" },
       h("button", { type: "button", class: "quiet", onclick: () => {
         chosen.clear();
         for (const each of document.querySelectorAll("input[data-id]")) each.checked = false;

@@ -1,9 +1,9 @@
 // A map in false colours: what lies under the pointer, or under the cross that the arrows move, is read out.
 
 import { get } from "../api.js";
-import { byId, figure, fill, h, svg } from "../dom.js";
+import { arrowOf } from "../campaign/picture-view.js";
+import { byId, figure, fill, h, segments, svg } from "../dom.js";
 import { number, quantity, unit, withUncertainty } from "../format.js";
-import { Scale, chooseScale } from "./colours.js";
 import { cellLines } from "./surface.js";
 
 export function drawGrid(found) {
@@ -27,12 +27,8 @@ export function drawGrid(found) {
 
 /** A table of cells: `draw(cell)` gives what stands in each; `rows`: a last column [head, value(index)]. */
 export function cellTable(cells, draw, { caption, rows = null }) {
-  return h(
-    "div",
-    { class: "table", tabindex: "0", role: "region", "aria-label": caption },
-    h(
-      "table",
-      { class: "cells" },
+  return h("div", { class: "table", tabindex: "0", role: "region", "aria-label": caption },
+    h("table", { class: "cells" },
       h("caption", { class: "hidden" }, caption),
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Row"), cells[0].map((_, index) => h("th", { scope: "col", class: "number" }, String(index + 1))), rows ? h("th", { scope: "col", class: "number" }, rows[0]) : null)),
       h("tbody", {}, cells.map((line, index) => h("tr", {}, h("th", { scope: "row" }, String(index + 1)), line.map((cell) => h("td", { class: "number" }, draw(cell))), rows ? h("td", { class: "number" }, rows[1](index)) : null))),
@@ -60,13 +56,7 @@ export function scaleTools(views) {
   const kinds = unit === "1" ? [["Values", () => show(false)]] : [["Logarithmic", () => show(true)], ["Linear", () => show(false)]];
   if (views.length === 1 && views[0].map.uncertainty) kinds.push(["Uncertainty", () => showUncertainty(views[0])]);
   if (kinds.length === 1) return null;
-  const buttons = kinds.map(([text, draw], at) =>
-    h("button", { type: "button", "aria-pressed": String(!at), onclick: (event) => {
-      for (const each of buttons) each.setAttribute("aria-pressed", String(each === event.target));
-      draw();
-    } }, text),
-  );
-  return h("div", { class: "segments", role: "group", "aria-label": "Colours" }, buttons);
+  return segments("Colours", kinds.map(([text, draw]) => [draw, text]), kinds[0][1], (draw) => draw());
 }
 
 /** The relative expanded uncertainty of each square, where there is light. */
@@ -81,21 +71,14 @@ async function showUncertainty(view) {
 }
 
 const HIGHEST = "75vh";
-const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
 export class MapView {
   /** `region`: points [x, y]; `grid`: corners, rows, columns, where there is one. */
   constructor(map, { region, grid, name = "Map" }) {
     this.map = map;
-    this.place = [Math.floor(map.height / 2), Math.floor(map.width / 2)];
     this.canvas = h("canvas", { width: map.squares[0].length, height: map.squares.length, "aria-hidden": "true" });
-    this.cross = svg("path", { class: "map-cross", visibility: "hidden" });
-    this.over = svg(
-      "svg",
-      { class: "map-over", viewBox: `0 0 ${map.width} ${map.height}`, tabindex: "0", role: "application", "aria-label": `${name}: arrow keys move the cross, ten pixels at a time with Shift` },
-      ...outlines(region, grid),
-      this.cross,
-    );
+    this.probe = probe([map.width, map.height], ([col, row]) => this.look([row, col]), name, ...outlines(region, grid));
+    this.over = this.probe.element;
     this.said = h("output", { class: "map-said", "aria-live": "polite" }, "Point at the map to read a value.");
     this.bar = h("div", { class: "map-bar" });
     this.stage = h("div", { class: "map-stage" }, this.canvas, this.over);
@@ -103,10 +86,8 @@ export class MapView {
     this.stage.style.aspectRatio = `${map.width} / ${map.height}`;
     // a low window makes it narrower, and not flatter: what lies over it stays in its place
     this.stage.style.width = `min(100%, ${HIGHEST} * ${map.width / map.height})`;
-    this.listen();
   }
 
-  /** Lay what is drawn on over the map, hidden. */
   cover(element) {
     this.cloth = element;
     element.toggleAttribute("hidden", true);
@@ -142,33 +123,9 @@ export class MapView {
     });
   }
 
-  listen() {
-    const { over, map } = this;
-    over.addEventListener("pointermove", (event) => this.look(this.under(event)));
-    over.addEventListener("pointerdown", (event) => this.look(this.under(event)));
-    over.addEventListener("pointerleave", () => this.cross.setAttribute("visibility", "hidden"));
-    over.addEventListener("focus", () => over.matches(":focus-visible") && this.look(this.place));
-    over.addEventListener("keydown", (event) => {
-      const step = STEPS[event.key];
-      if (!step) return;
-      event.preventDefault();
-      const far = event.shiftKey ? 10 : 1;
-      this.look([clamp(this.place[0] + step[0] * far, map.height), clamp(this.place[1] + step[1] * far, map.width)]);
-    });
-  }
-
-  under({ clientX, clientY }) {
-    const box = this.over.getBoundingClientRect();
-    const { map } = this;
-    return [clamp(Math.floor(((clientY - box.top) / box.height) * map.height), map.height), clamp(Math.floor(((clientX - box.left) / box.width) * map.width), map.width)];
-  }
-
   /** Read a pixel: the square it lies in at once, its own value as soon as it is there. */
   async look([row, col]) {
     this.place = [row, col];
-    const arm = Math.max(this.map.width, this.map.height) / 60;
-    this.cross.setAttribute("d", `M${col + 0.5 - arm} ${row + 0.5}h${2 * arm}M${col + 0.5} ${row + 0.5 - arm}v${2 * arm}`);
-    this.cross.setAttribute("visibility", "visible");
     if (this.map.step > 1) this.say(row, col, this.map.square(row, col), "about ");
     clearTimeout(this.waiting);
     this.waiting = setTimeout(async () => {
@@ -190,7 +147,35 @@ export class MapView {
   }
 }
 
-const clamp = (place, size) => Math.min(Math.max(place, 0), size - 1);
+/** A cross over a picture of so many pixels, moved by pointer and arrows: `look([col, row])` reads what lies under it. */
+export function probe(size, look, name, ...layers) {
+  const cross = svg("path", { class: "map-cross", visibility: "hidden" });
+  const element = svg("svg", { class: "map-over", viewBox: `0 0 ${size.join(" ")}`, tabindex: "0", role: "application", "aria-label": `${name}: arrow keys move the cross, ten pixels at a time with Shift` }, ...layers, cross);
+  const arm = Math.max(...size) / 60;
+  let place = size.map((each) => each / 2);
+  const go = (to) => {
+    place = to.map((each, axis) => Math.min(Math.max(Math.floor(each), 0), size[axis] - 1));
+    const [x, y] = place.map((each) => each + 0.5);
+    cross.setAttribute("d", `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}`);
+    cross.setAttribute("visibility", "visible");
+    look(place);
+  };
+  const point = ({ clientX, clientY }) => {
+    const box = element.getBoundingClientRect();
+    go([((clientX - box.left) / box.width) * size[0], ((clientY - box.top) / box.height) * size[1]]);
+  };
+  for (const name of ["pointermove", "pointerdown"]) element.addEventListener(name, point);
+  element.addEventListener("pointerleave", () => cross.setAttribute("visibility", "hidden"));
+  element.addEventListener("focus", () => element.matches(":focus-visible") && go(place));
+  element.addEventListener("keydown", (event) => {
+    const step = arrowOf(event);
+    if (!step) return;
+    event.preventDefault();
+    go(place.map((each, axis) => each + step[axis]));
+  });
+  return { element, cross };
+}
+
 const unknownOf = (map) => (map.unit === "1" ? "no value here" : "saturated: above the measurable range");
 
 function outlines(region, grid) {
@@ -199,7 +184,7 @@ function outlines(region, grid) {
   return shapes;
 }
 
-function drawBar(scale, squares, label, map) {
+export function drawBar(scale, squares, label, map) {
   const strip = h("canvas", { width: 256, height: 1, "aria-hidden": "true" });
   const painter = strip.getContext("2d");
   const picture = painter.createImageData(256, 1);
@@ -220,4 +205,117 @@ function drawBar(scale, squares, label, map) {
     h("span", { class: "muted small" }, label),
     unknown ? h("span", { class: "small nowrap" }, h("span", { class: "map-unknown", "aria-hidden": "true" }), map.unit === "1" || squares !== map.squares ? "no value" : "saturated") : null,
   ];
+}
+
+const MOST = 120000;
+const PIECE = 32;
+
+export async function loadMap(measurement, { width_px: width, height_px: height }) {
+  const step = Math.max(1, Math.ceil(Math.sqrt((width * height) / MOST)));
+  const squares = await get(`/v1/measurements/${measurement.id}/map.json?step=${step}`);
+  return new MapValues(measurement.id, squares);
+}
+
+export class MapValues {
+  constructor(id, { values, step, unit, width_px: width, height_px: height, uncertainty }) {
+    Object.assign(this, { id, squares: values, step, unit, width, height, uncertainty, pieces: new Map() });
+  }
+
+  /** The mean of the square that a pixel lies in; null where it is unknown. */
+  square(row, col) {
+    const line = this.squares[Math.min(Math.floor(row / this.step), this.squares.length - 1)];
+    return line[Math.min(Math.floor(col / this.step), line.length - 1)];
+  }
+
+  /** The very value of a pixel, as in map.tif; asks for the pixels around it too. */
+  async pixel(row, col) {
+    if (this.step === 1) return this.square(row, col);
+    const [top, left] = [row, col].map((place) => Math.floor(place / PIECE) * PIECE);
+    const key = `top=${top}&left=${left}`;
+    if (!this.pieces.has(key)) {
+      const asked = get(`/v1/measurements/${this.id}/map.json?${key}&height=${PIECE}&width=${PIECE}`);
+      this.pieces.set(key, asked);
+      asked.catch(() => this.pieces.delete(key));
+    }
+    const { values } = await this.pieces.get(key);
+    return values[row - top][col - left];
+  }
+
+  /** The standard uncertainty of a pixel's value; undefined where no rule is known. */
+  uncertaintyOf(value) {
+    if (!this.uncertainty || value === null) return undefined;
+    const { u_rel: relative, u_constant: constant, u_pixel: noise } = this.uncertainty;
+    return Math.hypot(relative * value, constant, noise);
+  }
+}
+
+// every fifteenth of the 256 colours of the picture
+export const ANCHORS = [
+  "#1a0034", "#2c0042", "#40004d", "#560054", "#6d0058", "#810e57", "#951e55", "#a82d51", "#ba3d4b",
+  "#ca4e45", "#d8603c", "#e57334", "#ef872c", "#f79c27", "#fdb22c", "#ffc83f", "#ffde58", "#fff467",
+];
+const UNKNOWN = [0, 200, 255];
+
+const TABLE = Array.from({ length: 256 }, (_, index) => {
+  const place = Math.min(index / 15, ANCHORS.length - 1);
+  const low = Math.floor(place);
+  const [from, to] = [parts(ANCHORS[low]), parts(ANCHORS[Math.min(low + 1, ANCHORS.length - 1)])];
+  return from.map((part, channel) => Math.round(part + (to[channel] - part) * (place - low)));
+});
+
+/** From values to shares of the colours, and what to write beside the bar. */
+export class Scale {
+  constructor(low, high, logarithmic) {
+    Object.assign(this, { low, high, logarithmic });
+  }
+
+  share(value) {
+    const { low, high } = this;
+    if (!this.logarithmic) return (value - low) / (high - low);
+    return value > 0 ? Math.log(value / low) / Math.log(high / low) : 0;
+  }
+
+  colour(value) {
+    if (value === null) return UNKNOWN;
+    return TABLE[Math.min(Math.max(Math.floor(this.share(value) * 256), 0), 255)];
+  }
+
+  /** Round numbers within: 1, 2, 5, 10, ... or even steps. */
+  ticks() {
+    const { low, high } = this;
+    if (this.logarithmic && high / low > 3) {
+      const decades = Array.from({ length: Math.ceil(Math.log10(high)) - Math.floor(Math.log10(low)) + 1 }, (_, index) => Math.floor(Math.log10(low)) + index);
+      const steps = high / low < 1e3 ? [1, 2, 5] : [1];
+      return decades.flatMap((decade) => steps.map((step) => Number((step * 10 ** decade).toPrecision(3)))).filter((tick) => tick >= low * 0.999 && tick <= high * 1.001);
+    }
+    const rough = (high - low) / 4;
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].find((each) => each * power >= rough) * power;
+    const ticks = [];
+    for (let tick = Math.ceil(low / step) * step; tick <= high + step / 1e6; tick += step) ticks.push(Number(tick.toPrecision(6)));
+    return ticks;
+  }
+}
+
+/** From the 0.5th to the 99.9th percentile of what is above zero, evenly from 0 to the 99th: lamps are few. A reflectance has 0 to 1, an index -1 to 1. */
+function chooseScale(planes, { unit, logarithmic }) {
+  const all = planes.flat(2).filter((value) => value !== null);
+  if (unit === "1") return new Scale(percentile(all, 0.005) < -0.01 ? -1 : 0, 1, false);
+  const lit = all.filter((value) => value > 0);
+  if (!lit.length) return new Scale(0.1, 1, logarithmic);
+  if (!logarithmic) return new Scale(0, percentile(lit, 0.99), false);
+  let [low, high] = [percentile(lit, 0.005), percentile(lit, 0.999)];
+  const missing = 0.3 - Math.log10(high / low);
+  if (missing > 0) [low, high] = [low / 10 ** (missing / 2), high * 10 ** (missing / 2)];
+  return new Scale(low, high, true);
+}
+
+function percentile(values, share) {
+  if (!values.length) return 0;
+  const sorted = Float64Array.from(values).sort();
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
+}
+
+function parts(hex) {
+  return [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16));
 }

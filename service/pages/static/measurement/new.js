@@ -1,17 +1,13 @@
 // Measure a frame, or all of a night: which, where on it, with what.
 
-import { all, get, post } from "../api.js";
-import { about, decimal, field, manualLink, numberOf, select } from "../campaign/forms.js";
-import { titleOf } from "../campaign/named.js";
+import { all, followJob, get, post } from "../api.js";
+import { about, decimal, field, manualLink, numberOf, select } from "../ask.js";
 import { statedPart } from "../campaign/parameters.js";
 import { isRead } from "../campaign/state.js";
 import { causeList } from "../causes.js";
-import { byId, fill, h, leave, may } from "../dom.js";
-import { counted, day, stateWords } from "../format.js";
-import { groupBy, inOrder } from "../groups.js";
-import { followJob } from "../live.js";
-import { labelOf, methodOf } from "../methods.js";
-import { act, empty, failed, load } from "../states.js";
+import { act, byId, empty, failed, fill, h, leave, load, may } from "../dom.js";
+import { counted, day, groupBy, inOrder, stateWords } from "../format.js";
+import { labelOf, methodOf, titleOf } from "../methods.js";
 import { measureOne, regionPart } from "./region.js";
 
 const LOOKED_AT = 6;
@@ -102,8 +98,7 @@ function offerSettings(versions) {
   chosen.bands = h("input", { type: "checkbox", id: "with-bands" });
   chosen.index = select([["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
   chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions.map((each) => ({ ...each, manual: `/docs/measuring#${options.includes("index") ? "maps" : each.name}` })));
-  fill(
-    settings,
+  fill(settings,
     field("Calibration", chosen.calibration, null, about("MeasurementOptions", "calibration_id")),
     options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "Optional.", about("MeasurementOptions", "reflectance")) : null,
     options.includes("index") ? field("Quantity", chosen.index, null, about("MeasurementOptions", "index")) : null,

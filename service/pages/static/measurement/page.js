@@ -1,19 +1,27 @@
 // One measurement: its map, its figures, what it was measured with and what to know.
 
 import { get } from "../api.js";
-import { field } from "../campaign/forms.js";
+import { field } from "../ask.js";
 import { drawFindings } from "../causes.js";
-import { budgetBar, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
-import { number, percent, quantity, relative, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
+import { act, budgetBar, byId, empty, failed, figure, fill, h, load, may, prose, segments, svg, table } from "../dom.js";
+import { number, percent, quantity, relative, shortly, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
-import { act, empty, failed, load } from "../states.js";
-import { MapView, drawGrid, scaleTools } from "./map.js";
+import { MapView, drawGrid, loadMap, scaleTools } from "./map.js";
 import { measureOne, regionPart } from "./region.js";
-import { loadMap } from "./values.js";
 import { regionOf, titleOf } from "./words.js";
 
 /** What a measurement of another place of the same frame has in common with this one. */
 const SAME = ["reflectance", "incidence_angle_deg", "index", "quantity", "allow"];
+
+const MOST_BESIDE = 24;
+
+/** The measurements of its night in the order in which they were taken; nothing where it is the only one. */
+async function drawNight() {
+  const { items } = await get(`/v1/measurements?campaign_id=${(await measurement).campaign_id}&limit=${MOST_BESIDE}`);
+  const inTime = [...items].sort((a, b) => (a.taken_at ?? "").localeCompare(b.taken_at ?? ""));
+  const link = (each) => h("a", { href: `/measurements/${each.id}`, "aria-current": each.id === id ? "page" : null, title: each.filename }, h("img", { src: `/v1/frames/${each.frame_id}/thumbnail.png`, alt: "", loading: "lazy" }), h("span", {}, each.taken_at?.slice(11, 16) ?? shortly(each.filename, 16)), h("span", { class: "muted" }, `${number(each.mean.value, 3)} ${each.mean.unit === "1" ? "" : unit(each.mean.unit)}`));
+  return items.length > 1 ? h("nav", { class: "strip", "aria-label": "Measurements of the same night" }, inTime.map(link)) : null;
+}
 
 /** The tool of one map: the button beside it, and the section `region-section` below it. */
 function regionTool(view, found, frame) {
@@ -22,14 +30,7 @@ function regionTool(view, found, frame) {
   let background = "map";
   const progress = h("span", { class: "muted", role: "status" });
   const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Draw a region");
-  const grounds = [["Map", "map"], ["Picture", "picture"]].map(([text, value]) =>
-    h("button", { type: "button", "aria-pressed": String(value === background), onclick: (event) => {
-      background = value;
-      for (const each of grounds) each.setAttribute("aria-pressed", String(each === event.target));
-      part.paint(background === "map" ? view.picture : preview);
-    } }, text),
-  );
-  fill(byId("region-tools"), h("div", { class: "segments", role: "group", "aria-label": "Background" }, grounds));
+  fill(byId("region-tools"), segments("Background", [["map", "Map"], ["picture", "Picture"]], background, (value) => part.paint((background = value) === "map" ? view.picture : preview)));
   fill(byId("region"), part.element, h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, measure) }, "Measure"), progress));
   view.onpaint = () => background === "map" && part.paint(view.picture);
   return button;
@@ -55,7 +56,7 @@ function regionTool(view, found, frame) {
 /** The tool of one map: the button beside it, and the section `isolines-section` below it. */
 function isolineTool(view, id) {
   const layer = svg("g", { class: "map-isolines" });
-  view.over.insertBefore(layer, view.cross);
+  view.over.insertBefore(layer, view.probe.cross);
   const typed = h("input", { autocomplete: "off", spellcheck: "false", placeholder: "round ones", onchange: show });
   const told = h("div", { "aria-live": "polite" });
   const file = h("a", { class: "button", download: "" }, "GeoJSON");
@@ -210,6 +211,7 @@ load(byId("figures"), () => measurement, (found) => {
   if (grid) fill(byId("grid"), grid, h("p", { class: "actions" }, file("cells.csv", "CSV"), file("cells.geojson", "GeoJSON"), found.links.map_png ? file("map.png", "Picture") : null));
   return drawFigures(found);
 });
+load(byId("night"), drawNight, (drawn) => drawn);
 load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
@@ -236,9 +238,9 @@ function withoutMap(found) {
 }
 
 function offer(found) {
-  fill(
-    byId("go-on"),
+  fill(byId("go-on"),
     found.seen_from ? h("a", { class: "button", href: `/v1/measurements/${id}/report.pdf` }, "Report (PDF)") : null,
+    found.grid?.lanes && may("calibrate") ? h("a", { class: "button", href: `/roads?from=${found.id}` }, "Evaluate as a road") : null,
     h("a", { class: "button", href: `/measurements?camera_id=${found.camera_id}&compare=${found.id}` }, "Compare with…"),
     may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Remeasure") : null,
   );
@@ -263,16 +265,13 @@ async function withFalloff() {
 
 function drawCalibration([{ calibration, signal, vignetting, method, corrections }, falloff]) {
   const lens = falloff ? h("a", { href: `/calibrations/${falloff.id}` }, `vignetting version ${falloff.version}`) : { none: "nothing", file: "the correction stated in the file" }[vignetting];
-  return h(
-    "div",
-    { class: "card" },
+  return h("div", { class: "card" },
     h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${labelOf(method)} version ${calibration.version}`), " ", tag(calibration.state)),
     h("p", { class: "small muted" }, typeset(calibration.why)),
     h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens), corrections.map(drawCorrection)),
   );
 }
 
-/** What is not said beside the flags already. */
 function drawBetter({ to_do_better: sentences, findings }) {
   const others = sentences.filter((each) => findings.every(({ action }) => action !== each));
   return others.length ? h("ul", { class: "better" }, others.map((each) => h("li", {}, prose(each)))) : h("p", { class: "muted" }, "No suggestions beside those of the flags.");
@@ -288,9 +287,7 @@ function drawBudget({ budget, mean }) {
   const rows = budget.filter((row) => row.variance_share > 0).sort((a, b) => b.variance_share - a.variance_share);
   if (!rows.length) return h("p", { class: "muted" }, "No budget is stored for this value.");
   const ofRow = (row) => row.standard_uncertainty_cd_m2 ?? row.standard_uncertainty;
-  return h(
-    "div",
-    { class: "card" },
+  return h("div", { class: "card" },
     budgetBar(rows.map((row) => ({ source: row.source, share: row.variance_share, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2) }))),
     h("p", { class: "small muted budget-note" }, "Uncertainty of the mean. All errors except pixel noise are the same in every pixel of the frame; averaging over pixels does not reduce them."),
   );

@@ -4,7 +4,6 @@ import { filename, h, table } from "../dom.js";
 import { number, quantity, stateWords, tag, time, words } from "../format.js";
 import { methodOf } from "../methods.js";
 
-/** `first`: a column before the others. */
 export function measurementTable(rows, first) {
   const columns = [
     ...(first ? [first] : []),
@@ -28,7 +27,6 @@ const REGIONS = {
   whole_frame: "the whole frame",
 };
 
-/** Name the region that mean, median and range are of. */
 export const regionOf = ({ region_origin: origin }) => REGIONS[origin];
 
 /** "luminance", "reflectance, band red", "NDVI". */

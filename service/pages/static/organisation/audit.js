@@ -2,15 +2,12 @@
 
 import { all, get, pathOf } from "../api.js";
 import { small } from "../causes.js";
-import { byId, fill, h, mark, may, table } from "../dom.js";
-import { counted, number, words } from "../format.js";
-import { inOrder, natural } from "../groups.js";
-import { sayValue } from "../parameter.js";
-import { empty, failed, load } from "../states.js";
+import { byId, empty, failed, fill, h, load, mark, may, table } from "../dom.js";
+import { counted, inOrder, natural, number, words } from "../format.js";
+import { sayValue } from "../campaign/parameters.js";
 
 const BY_ITSELF = 3;
 
-/** Check the chain and tell the result in `place`; a long one is continued on demand. */
 async function checkChain(place, { from = "/v1/audit/chain", before = 0, pieces = BY_ITSELF } = {}) {
   place.setAttribute("aria-busy", "true");
   try {
@@ -114,7 +111,6 @@ function subject(entry) {
   return [page ? h("a", { href: page + about }, name) : name, " ", small(["only this", h("span", { class: "hidden" }, ` (${name})`)], () => choose(entry.subject_id), { quiet: true })];
 }
 
-/** The reason, and behind it each field that changed, from what to what. */
 function details(entry) {
   const names = Object.keys({ ...entry.before, ...entry.after }).filter((name) => !UNSAID.has(name) && !("rows" in entry.after)).sort(natural);
   const changed = names.map((name) => [h("dt", {}, words(name)), h("dd", {}, name in entry.before ? [sayValue(entry.before[name]), " → "] : "", sayValue(entry.after[name]))]);

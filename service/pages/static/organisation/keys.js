@@ -1,13 +1,10 @@
 // The keys of the organisation: what each may do, until when, and when it was last used.
 
 import { all, get, post, send } from "../api.js";
-import { ask } from "../ask.js";
-import { about, boxes } from "../campaign/forms.js";
+import { about, ask, boxes } from "../ask.js";
 import { small } from "../causes.js";
-import { byId, fill, h, mark, may, table, toast } from "../dom.js";
-import { ago, counted, day, tag, time } from "../format.js";
-import { inOrder } from "../groups.js";
-import { act, empty, load } from "../states.js";
+import { act, byId, empty, fill, h, load, mark, may, table, toast } from "../dom.js";
+import { ago, counted, day, inOrder, tag, time } from "../format.js";
 import { signing, statePerson } from "./person.js";
 
 const BROWSERS = [["Edg", "Edge"], ["OPR", "Opera"], ["Firefox", "Firefox"], ["Chrom", "Chrome"], ["Safari", "Safari"]];
@@ -43,7 +40,6 @@ async function end(path, said) {
   await showSessions();
 }
 
-/** What a browser calls itself, in two words: Firefox on Linux. */
 function browserOf(text) {
   const find = (names) => names.find(([part]) => text.includes(part))?.[1];
   const [browser, system] = [find(BROWSERS), find(SYSTEMS)];
@@ -52,7 +48,6 @@ function browserOf(text) {
 
 byId("end-others").addEventListener("click", ({ currentTarget: button }) => act(button, () => end("/v1/sessions")));
 
-/** The only time that the secret is there. */
 function tellSecret(text, said) {
   const secret = h("code", { tabindex: "0" }, text);
   const copy = small("Copy", async () => {

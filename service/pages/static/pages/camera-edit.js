@@ -1,15 +1,13 @@
 // The names, lens and pixel pitch of a camera: registered, or corrected.
 
 import { get, patch, post } from "../api.js";
-import { ask } from "../ask.js";
-import { readNumber } from "../campaign/forms.js";
-import { wrong } from "../states.js";
+import { ask, readNumber } from "../ask.js";
+import { wrong } from "../dom.js";
 
 const TEXTS = [["make", "Make"], ["model", "Model"], ["serial", "Serial number"]];
 const LENS = [["make", "Lens make"], ["model", "Lens model"], ["serial", "Lens serial number"]];
 const NUMBERS = [["pixel_pitch_um", "Pixel pitch [µm]"], ["sensor_width_mm", "Sensor width [mm]"]];
 
-/** Answers the camera as it then is, or undefined. */
 export async function editCamera(id) {
   const camera = await get(`/v1/cameras/${id}`);
   return ask({

@@ -1,10 +1,8 @@
 import { all, get } from "../api.js";
-import { holdsFor, inForce, named } from "../coefficients.js";
-import { byId, fill, h, leave, may, shorten, table } from "../dom.js";
+import { act, byId, empty, fill, h, leave, load, may, shorten, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time, unit } from "../format.js";
-import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
+import { coefficientLabel, headlineOf, holdsFor, inForce, labelOf, methodOf, named, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
-import { act, empty, load } from "../states.js";
 import { editCamera } from "./camera-edit.js";
 
 const id = document.querySelector("main").dataset.cameraId;
@@ -85,9 +83,7 @@ function verdicts(parameters, method) {
 
 function saidOf(parameter) {
   const where = holdsFor(parameter);
-  return h(
-    "li",
-    {},
+  return h("li", {},
     where ? h("strong", {}, `${where}: `) : null,
     parameter.slope ? [quantity(parameter.slope), `: ${parameter.verdict.replace("_", " ")}`] : "",
     parameter.recalibrate_by ? [parameter.slope ? "; " : "", "recalibrate by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
@@ -101,12 +97,8 @@ function versionCard(version) {
     { head: "u", class: "number wide-only", cell: (row) => relative(row.value, row.standard_uncertainty) },
     { head: "Flags", class: "wide-only", cell: (row) => row.flags.split(/[ ,;]+/).filter(Boolean).map((flag) => tag(flag, "warn")) },
   ].filter((column) => column.head !== "Flags" || version.flags.length);
-  return h(
-    "article",
-    { class: "version" },
-    h(
-      "div",
-      { class: "section-head" },
+  return h("article", { class: "version" },
+    h("div", { class: "section-head" },
       h("h3", {}, labelOf(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
       h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
     ),

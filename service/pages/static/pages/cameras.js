@@ -1,10 +1,7 @@
 import { all, get } from "../api.js";
-import { byId, h, may, table, toast } from "../dom.js";
-import { ago, cameraName, counted, day, tag } from "../format.js";
-import { empty, load } from "../states.js";
-import { headlines, inForce } from "../coefficients.js";
-import { inOrder } from "../groups.js";
-import { labelOf } from "../methods.js";
+import { byId, empty, h, load, may, table, toast } from "../dom.js";
+import { ago, cameraName, counted, day, inOrder, tag } from "../format.js";
+import { headlines, inForce, labelOf } from "../methods.js";
 import { registerCamera } from "./camera-edit.js";
 
 const region = byId("cameras");
@@ -12,14 +9,13 @@ const add = byId("add-camera");
 add.hidden = !may("calibrate");
 add.addEventListener("click", register);
 
-const show = () =>
-  load(region, () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
-    if (!cameras.length) {
-      const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
-      return empty("No cameras yet", "Register a camera body with the make and model that it writes into its files.", button);
-    }
-    return table(columns, inOrder(cameras, cameraName).flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and their calibrations in force", stack: true });
-  });
+const show = () => load(region, () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
+  if (!cameras.length) {
+    const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
+    return empty("No cameras yet", "Register a camera body with the make and model that it writes into its files.", button);
+  }
+  return table(columns, inOrder(cameras, cameraName).flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and their calibrations in force", stack: true });
+});
 
 const columns = [
   {

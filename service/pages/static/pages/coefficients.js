@@ -2,12 +2,10 @@
 
 import { all, get } from "../api.js";
 import { ask } from "../ask.js";
-import { holdsFor } from "../coefficients.js";
-import { byId, fill, h, mark, svg, table, toast } from "../dom.js";
+import { byId, empty, failed, fill, h, load, mark, svg, table, toast } from "../dom.js";
 import { counted, day, hasZone, quantity, unit } from "../format.js";
-import { METHODS, coefficientLabel, headlineOf } from "../methods.js";
+import { METHODS, coefficientLabel, headlineOf, holdsFor } from "../methods.js";
 import { plot } from "../plots.js";
-import { empty, failed, load } from "../states.js";
 
 const id = document.querySelector("main").dataset.cameraId;
 const PARTS = ["name", "iso", "f_number", "band", "channel", "model"];
@@ -76,7 +74,6 @@ function drawQuick() {
   offer("known_at", [["Now", "now"], ["The same time", state.at === "now" ? null : state.at, () => choose({ known_at: state.at })], ["1 year ago", "now-1y"]]);
 }
 
-/** The times of a measurement: when its frame was taken, and when it was made. */
 async function askMeasurement() {
   const { items } = await get(`/v1/measurements?camera_id=${id}&limit=100`);
   // a clock without a zone is looked up as if it showed UTC, wherever the browser is
@@ -107,8 +104,7 @@ async function draw() {
   const at = iso("at");
   for (const name of ["at", "known_at"]) byId(name).value = state[name];
   drawQuick();
-  await load(
-    byId("answer"),
+  await load(byId("answer"),
     async () => {
       versions = (await validity(known)).items;
       offerCoefficients();
@@ -135,7 +131,6 @@ const validity = (known) => get(`/v1/cameras/${id}/validity?${new URLSearchParam
 const within = ({ valid_from: from, valid_to: to }, at) => Date.parse(from) <= Date.parse(at) && (!to || Date.parse(at) < Date.parse(to));
 const holding = (found, at) => found.find((each) => each.in_force.some((period) => within(period, at)) && rowOf(each)) ?? found.find((each) => each.in_force.some((period) => within(period, at)));
 
-/** What is chosen, as the query names it. */
 const wanted = () => Object.fromEntries(Object.entries(JSON.parse(state.of)).filter(([, value]) => value !== null));
 const keyOf = (row) => JSON.stringify(Object.fromEntries(PARTS.map((name) => [name, row[name] ?? null])));
 const rowOf = (version) => version?.coefficients.find((row) => keyOf(row) === state.of);
@@ -164,14 +159,10 @@ function drawAnswer([at, known, then, used]) {
   }
   const revoked = versions.find((each) => each.revoked_from.some((period) => within(period, at)));
   const near = nearest(at);
-  return h(
-    "div",
-    { class: "answer warn" },
+  return h("div", { class: "answer warn" },
     mark("warn"),
     h("p", {}, h("strong", {}, when, "no version is in force. "), revoked ? `Version ${revoked.version} was revoked on ${day(revoked.revoked_at)}: “${revoked.revoked_reason}”` : null),
-    h(
-      "p",
-      { class: "more" },
+    h("p", { class: "more" },
       then ? ["As known on that day, ", named(then), " was in force", rowOf(then) ? [": ", quantity(rowOf(then))] : "", ". ", used ? [h("strong", {}, `${counted(used, "measurement")} `), used === 1 ? "was" : "were", " made with it. ", h("a", { href: `/measurements?camera_id=${id}` }, "Show the camera's measurements"), ". "] : null] : null,
       near.length ? ["Nearest: ", near.map(([version, words], place) => [place ? " and " : "", named(version), ` (${words})`]), "."] : null,
     ),
@@ -200,7 +191,6 @@ function drawVersions() {
   return table(columns, versions, { caption: "Versions", stack: true, row: (each) => ({ "aria-current": each === current ? "true" : null }) });
 }
 
-/** Both times as lines over the plot, to be dragged or moved with the arrow keys. */
 function drawCursors(chart, times) {
   chart.setAttribute("role", "group");
   const box = Object.fromEntries(["x", "y", "width", "height"].map((name) => [name, Number(chart.querySelector(".box").getAttribute(name))]));

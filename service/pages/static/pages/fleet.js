@@ -1,12 +1,9 @@
 import { all, get, post } from "../api.js";
-import { boxes, field } from "../campaign/forms.js";
-import { byId, fill, h, table } from "../dom.js";
-import { cameraName, counted, number, quantity, tag } from "../format.js";
-import { named } from "../coefficients.js";
-import { groupBy, inOrder } from "../groups.js";
-import { METHODS, labelOf, methodOf, readTolerance } from "../methods.js";
+import { boxes, field } from "../ask.js";
+import { act, byId, empty, fill, h, load, table } from "../dom.js";
+import { cameraName, capital, counted, groupBy, inOrder, number, quantity, tag } from "../format.js";
+import { METHODS, labelOf, methodOf, named, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
-import { act, empty, load } from "../states.js";
 
 const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set per camera", "warn"], cannot_tell: ["inconclusive", ""] };
 const wanted = new URLSearchParams(location.search).get("model");
@@ -38,17 +35,12 @@ function form(models, rows) {
   const choose = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
     unit.textContent = methodOf(method.value).tolerance_unit;
-    fill(
-      members,
-      cameras.map((camera) => {
-        return h(
-          "label",
-          { class: "check" },
-          h("input", { type: "checkbox", name: "camera", value: camera.id, checked: versions(camera, method.value) > 0, disabled: !versions(camera, method.value) }),
-          h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
-        );
-      }),
-    );
+    fill(members, cameras.map((camera) => {
+      return h("label", { class: "check" },
+        h("input", { type: "checkbox", name: "camera", value: camera.id, checked: versions(camera, method.value) > 0, disabled: !versions(camera, method.value) }),
+        h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
+      );
+    }));
     const able = cameras.filter((camera) => versions(camera, method.value)).length;
     button.disabled = able < 2;
     said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${labelOf(method.value)} version; two are needed.` : "";
@@ -56,12 +48,8 @@ function form(models, rows) {
   model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
   offerMethod();
-  return h(
-    "form",
-    { class: "card", onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
-    h(
-      "div",
-      { class: "fields" },
+  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
+    h("div", { class: "fields" },
       field("Model", model, null, "/docs/fleet#repeats"),
       field("Method", method, null, "/docs/fleet#the-model"),
       field(["Accepted deviation from the shared value [", unit, "]"], tolerance, null, "/docs/fleet#tolerance-and-cost"),
@@ -71,17 +59,16 @@ function form(models, rows) {
   );
 }
 
-const judge = (form, button, method, tolerance) =>
-  act(button, async () => {
-    const answer = await post("/v1/fleet/verdict", {
-      method,
-      camera_ids: new FormData(form).getAll("camera"),
-      tolerance: readTolerance(method, tolerance.value),
-    });
-    const place = h("div", { class: "plot", role: "region", "aria-label": "Coefficients of each camera", tabindex: "0" });
-    fill(byId("fleet-answer"), shown(answer, place));
-    await plot(place, `/plots/fleet?${new URLSearchParams([["method", method], ...new FormData(form).getAll("camera").map((id) => ["camera_id", id])])}`);
+const judge = (form, button, method, tolerance) => act(button, async () => {
+  const answer = await post("/v1/fleet/verdict", {
+    method,
+    camera_ids: new FormData(form).getAll("camera"),
+    tolerance: readTolerance(method, tolerance.value),
   });
+  const place = h("div", { class: "plot", role: "region", "aria-label": "Coefficients of each camera", tabindex: "0" });
+  fill(byId("fleet-answer"), shown(answer, place));
+  await plot(place, `/plots/fleet?${new URLSearchParams([["method", method], ...new FormData(form).getAll("camera").map((id) => ["camera_id", id])])}`);
+});
 
 function shown(answer, place) {
   const [word, kind] = VERDICTS[answer.verdict];
@@ -104,5 +91,4 @@ function shown(answer, place) {
   ];
 }
 
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const modelOf = (camera) => `${camera.make} ${camera.model}`;

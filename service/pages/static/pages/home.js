@@ -1,22 +1,15 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get, newOnce, post } from "../api.js";
-import { acceptDrops, choosers } from "../campaign/drop.js";
-import { askForMeter } from "../campaign/meters.js";
-import { causesOf } from "../campaign/missing.js";
-import { titleOf } from "../campaign/named.js";
-import { readCard } from "../card/files.js";
+import { acceptDrops, choosers, goOn, takeHanded } from "../campaign/drop.js";
+import { askForMeter } from "../campaign/target.js";
+import { readCard } from "../card/headers.js";
 import { propose } from "../card/propose.js";
 import { cardView } from "../card/view.js";
-import { causeFold, small, smallLink } from "../causes.js";
-import { headlines, inForce } from "../coefficients.js";
-import { byId, fill, h, mark, may, table, toast } from "../dom.js";
-import { ago, number, span, stateWords } from "../format.js";
-import { groupBy } from "../groups.js";
-import { goOn, takeHanded } from "../handover.js";
-import { jobCause } from "../jobs/cause.js";
-import { METHODS, isNight, kindOf, labelOf } from "../methods.js";
-import { act, empty, failed, load } from "../states.js";
+import { causeFold, causesOf, jobCause, small, smallLink } from "../causes.js";
+import { act, byId, empty, failed, fill, h, load, mark, may, table, toast } from "../dom.js";
+import { ago, groupBy, number, span, stateWords } from "../format.js";
+import { METHODS, headlines, inForce, isNight, kindOf, labelOf, titleOf } from "../methods.js";
 
 /** `zone` takes the card, `place` shows it, and `rest` of the page gives way to it. */
 function startCard(zone, place, rest) {
@@ -96,7 +89,6 @@ async function send({ found, choice, project }) {
   await goOn(`/campaigns/${id}`, frames.map(({ file, name, role, scene }) => ({ file, name, role, scene })));
 }
 
-/** The same idempotency key for the same body. */
 function onceFor(choice, body) {
   const said = JSON.stringify(body);
   if (choice.sent?.said !== said) choice.sent = { said, once: newOnce() };
@@ -164,7 +156,6 @@ const lackOf = ([first, ...more]) => (first ? `${first.title}${more.length ? ` a
 
 const version = (held) => (held ? [mark(held.flags.length ? "warn" : "good"), ` version ${held.version}${held.flags.length ? ", with flags" : ""}`, headlines(held)] : h("span", { class: "muted" }, "none"));
 
-/** The newest campaigns with what they lack, their versions, and whether anything was measured. */
 async function latestCampaigns() {
   const newest = (await campaigns).slice(-AT_MOST - 2).reverse();
   return Promise.all(

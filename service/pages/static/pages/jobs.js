@@ -1,12 +1,9 @@
-import { all, get, getOr, post } from "../api.js";
-import { lettersOn } from "../campaign/keys.js";
-import { nameOf } from "../campaign/named.js";
-import { causeList, small } from "../causes.js";
-import { byId, done, fill, h, isPressed, mark, may, table, toast, undoLast } from "../dom.js";
-import { ago, bytes, counted, number, percent, span, tag, time } from "../format.js";
-import { jobCause } from "../jobs/cause.js";
-import { follow } from "../live.js";
-import { act, empty, failed } from "../states.js";
+import { all, follow, get, getOr, post } from "../api.js";
+import { lettersOn } from "../campaign/grid-tools.js";
+import { nameOf } from "../methods.js";
+import { causeList, jobCause, small } from "../causes.js";
+import { act, byId, done, empty, failed, fill, h, isPressed, mark, may, table, toast, undoLast } from "../dom.js";
+import { ago, bytes, counted, groupBy, number, percent, span, tag, time } from "../format.js";
 
 const SLOW_S = 600;
 const NARROW = 0.1;
@@ -81,7 +78,9 @@ function buttons({ newest: { state, kind, error, campaign_id } }, title, changed
 }
 
 const KINDS = { extract: "Read", fit: "Fit of", measure: "Measure" };
-const SHOWN = 30;
+const DONE = { extract: ["frame", " read"], fit: ["fit", ""], measure: ["measurement", ""] };
+const SHOWN = 100;
+const unfolded = new Set();
 const HEALTH_EVERY_MS = 10000;
 
 let known = "";
@@ -136,10 +135,18 @@ function drawRecent(jobs) {
     { head: "Duration", class: "number", cell: took },
     { head: "Attempts", class: "number", cell: (job) => number(job.attempt) },
   ];
-  show("recent", table(columns, jobs, { caption: "Recent jobs", stack: true }));
+  const [done, open] = [true, false].map((wanted) => jobs.filter((job) => (job.state === "succeeded") === wanted));
+  const groups = groupBy(done, (job) => job.campaign_id ?? "");
+  show("recent", [open.length ? table(columns, open, { caption: "Running, waiting and failed jobs", stack: true }) : null, [...groups].map(([id, some]) => folded(id, some, table(columns, some, { caption: "Finished jobs", stack: true })))]);
 }
 
-/** Jobs name their campaign by its id; people know its name. */
+function folded(id, some, content) {
+  const kinds = [...groupBy(some, (job) => DONE[job.kind] ?? [job.kind, ""])].map(([[noun, did], { length }]) => `${counted(length, noun)}${did}`);
+  const typical = some.map(lasted).sort((a, b) => a - b)[some.length >> 1];
+  const details = h("details", { class: "fold", open: unfolded.has(id), ontoggle: () => (details.open ? unfolded.add(id) : unfolded.delete(id)) }, h("summary", { "data-keep": `finished ${id}` }, id ? nameOf(campaigns, id) : "Other jobs", h("span", { class: "muted" }, ` ${kinds.join(", ")} · median ${span(typical)}`)), content);
+  return details;
+}
+
 async function knowCampaigns(jobs) {
   const named = new Set(campaigns.map((each) => each.id));
   if (jobs.some((job) => job.campaign_id && !named.has(job.campaign_id))) campaigns = await all("/v1/campaigns");
@@ -158,9 +165,8 @@ function state(job) {
   return h("span", { class: "running" }, tag(job.state), bar);
 }
 
-function took(job) {
-  return job.finished_at ? span((new Date(job.finished_at) - new Date(job.created_at)) / 1000) : "–";
-}
+const lasted = (job) => (new Date(job.finished_at) - new Date(job.created_at)) / 1000;
+const took = (job) => (job.finished_at ? span(lasted(job)) : "–");
 
 function show(id, content) {
   const region = byId(id);

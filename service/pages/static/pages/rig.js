@@ -1,10 +1,9 @@
 // One rig: its cameras, their orientation with uncertainties, residuals, repeats and drift.
 
 import { get } from "../api.js";
-import { byId, filename, fill, h, shorten, table } from "../dom.js";
+import { byId, empty, filename, fill, h, load, shorten, table } from "../dom.js";
 import { drawFindings } from "../causes.js";
 import { counted, number, quantity, tag, time } from "../format.js";
-import { empty, load } from "../states.js";
 
 const { rigId, given } = document.querySelector("main").dataset;
 const cameras = [...document.querySelectorAll("[data-camera-id]")].map((each) => ({ id: each.dataset.cameraId, serial: each.dataset.serial, name: each.textContent }));
@@ -47,21 +46,20 @@ load(byId("orientation"), () => newest, (set) => {
 
 load(byId("flags"), async () => (await newest)?.findings ?? [], drawFindings);
 
-const drawStability = (asked) =>
-  load(byId("stability"), () => asked, ({ stability }) => {
-    if (!stability.length) return empty("No repeats yet", "Each set of campaigns is one determination; the drift is judged from the third.");
-    const columns = [
-      { head: "Quantity", header: true, cell: (row) => h("span", {}, row.name, h("span", { class: "muted mono small" }, ` ${row.camera}`)) },
-      { head: "Verdict", cell: (row) => tag(row.verdict, VERDICTS[row.verdict]) },
-      { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
-      { head: "Repeatability", class: "number", cell: (row) => quantity(row.repeatability) },
-      { head: "Change", class: "number", cell: (row) => quantity(row.change) },
-      { head: "Trend", class: "number", cell: (row) => quantity(row.slope) },
-      { head: "Sets", class: "number", cell: (row) => number(row.sets) },
-      { head: "Explanation", class: "words", cell: (row) => row.said },
-    ];
-    return table(columns, stability, { caption: "Stability of the orientation over the sets", stack: true });
-  });
+const drawStability = (asked) => load(byId("stability"), () => asked, ({ stability }) => {
+  if (!stability.length) return empty("No repeats yet", "Each set of campaigns is one determination; the drift is judged from the third.");
+  const columns = [
+    { head: "Quantity", header: true, cell: (row) => h("span", {}, row.name, h("span", { class: "muted mono small" }, ` ${row.camera}`)) },
+    { head: "Verdict", cell: (row) => tag(row.verdict, VERDICTS[row.verdict]) },
+    { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
+    { head: "Repeatability", class: "number", cell: (row) => quantity(row.repeatability) },
+    { head: "Change", class: "number", cell: (row) => quantity(row.change) },
+    { head: "Trend", class: "number", cell: (row) => quantity(row.slope) },
+    { head: "Sets", class: "number", cell: (row) => number(row.sets) },
+    { head: "Explanation", class: "words", cell: (row) => row.said },
+  ];
+  return table(columns, stability, { caption: "Stability of the orientation over the sets", stack: true });
+});
 drawStability(answer);
 for (const [input] of Object.values(limits)) input.addEventListener("change", () => input.reportValidity() && drawStability(ask()));
 

@@ -1,11 +1,9 @@
 // The rigs, and a new one from campaigns whose pictures were taken together.
 
 import { all, get, post } from "../api.js";
-import { about, field } from "../campaign/forms.js";
-import { byId, h, leave, may, table } from "../dom.js";
-import { day, time } from "../format.js";
-import { inOrder } from "../groups.js";
-import { act, empty, load, wrong } from "../states.js";
+import { about, field } from "../ask.js";
+import { act, byId, empty, h, leave, load, may, table, wrong } from "../dom.js";
+import { day, inOrder, time } from "../format.js";
 
 const { method } = document.querySelector("main").dataset;
 const wanted = new URLSearchParams(location.search).get("campaign");
@@ -55,9 +53,7 @@ function form(campaigns, known) {
   ];
   const name = h("input", { id: "rig-name", required: true, maxlength: 100 });
   const button = h("button", { type: "submit", class: "primary" }, "Register the rig");
-  return h(
-    "form",
-    { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, () => register(new FormData(event.target), campaigns, name.value))) },
+  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, () => register(new FormData(event.target), campaigns, name.value))) },
     field("Name", name, null, about("NewRig", "name")),
     table(columns, campaigns, { caption: "Campaigns to choose from" }),
     h("p", { class: "small muted" }, "Pictures of one trigger have one scene; without scenes, times that agree within 1 s."),

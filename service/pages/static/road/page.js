@@ -1,21 +1,18 @@
 // One road: its verdict first, what it lacks, figures with U, the map, control points and the grid.
 
-import { Problem, get, patch, post, put } from "../api.js";
+import { get, patch, put, runJob } from "../api.js";
 import { ask } from "../ask.js";
 import { drawFindings, small } from "../causes.js";
-import { budgetBar, byId, fill, h, mark, may, svg, table } from "../dom.js";
+import { act, budgetBar, byId, empty, fill, h, load, mark, may, svg, table } from "../dom.js";
 import { exposureTime, fixed, number, percent, unit, withUncertainty, words } from "../format.js";
-import { followJob } from "../live.js";
-import { act, empty, load } from "../states.js";
-import { MARKS, said } from "./list.js";
-import { addFrame, typePoints } from "./state.js";
+import { MARKS, said, typePoints } from "./list.js";
+import { axisOf, drawMap } from "./map.js";
+import { drawSite } from "./site.js";
 
 const { roadId } = document.querySelector("main").dataset;
 const own = `/v1/roads/${roadId}`;
 const NAMES = { e_av: ["Average", "E", "av"], e_min: ["Minimum", "E", "min"], u_0: ["Uniformity", "U", "0"], average_to_min: ["Average to minimum", "E", "av/min"], eir: ["Edge ratio", "EIR", ""], pdi: ["Power density", "D", "P"], l_av: ["Luminance", "L", "av"], u_o: ["Overall uniformity", "U", "o"], u_l: ["Longitudinal uniformity", "U", "l"], f_ti: ["Threshold increment", "f", "TI"] };
 const GUARD = 1.645;
-const LAYERS = [["grid", "Grid"], ["isolux", "Isolux"], ["points", "Points"]];
-const shown = new Set(LAYERS.map(([name]) => name));
 const mayChange = may("calibrate");
 let road = null;
 let rules = [];
@@ -23,22 +20,13 @@ let rules = [];
 const sign = (figure) => [NAMES[figure][1] || words(figure), h("sub", {}, NAMES[figure][2])];
 const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 
-byId("frame")?.addEventListener("click", (event) => act(event.target, async () => (await addFrame(road)) && show()));
 byId("hide")?.addEventListener("click", hide);
 byId("type")?.addEventListener("click", async () => (await typePoints(own)) && show());
 byId("evaluate")?.addEventListener("click", (event) => act(event.target, evaluate));
-show();
+show().then(() => road && drawSite(road, show));
 
 async function evaluate() {
-  const progress = byId("progress");
-  try {
-    progress.textContent = "Asking…";
-    const started = await post(`${own}/evaluate`);
-    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Queued…" : `Evaluating, ${Math.round(100 * each.progress)} %`));
-    if (job.state !== "succeeded") throw new Problem(job.error);
-  } finally {
-    progress.textContent = "";
-  }
+  await runJob(`${own}/evaluate`, undefined, byId("progress"), "Evaluating");
   await show();
 }
 
@@ -65,7 +53,7 @@ function drawAnswer(result) {
   fill(byId("exports"), [["report.pdf", "Report (PDF)"], ["points.csv", "CSV"], ["points.geojson", "GeoJSON"]].map(([name, text]) => h("a", { class: "button", href: result.links[name], download: name }, text)));
   fill(byId("figures"), h("dl", { class: "road-figures" }, result.figures.map((each) => h("div", {}, h("dt", {}, NAMES[each.figure][0], " ", sign(each.figure)), h("dd", {}, h("b", {}, withUncertainty(each.value, each.expanded_uncertainty)), each.unit === "1" ? "" : ` ${unit(each.unit)}`)))));
   drawLimits(result);
-  drawLayers(result);
+  drawMap(result);
   const rows = result.budget.map((each) => ({ source: each.source, share: each.variance_share, said: percent(each.u_rel) }));
   fill(byId("budget"), budgetBar(rows));
 }
@@ -86,13 +74,12 @@ function cause(point) {
   return h("li", {}, mark("bad"), h("p", {}, h("strong", {}, text), h("span", { class: "where" }, ` ${where}`)), mayChange ? h("span", { class: "actions" }, small(`Leave out ${point.name}…`, () => leaveOut(point.name))) : null);
 }
 
-const leaveOut = (name) =>
-  ask({
-    title: `Leave out ${name}`,
-    fields: [{ name: "left_out", label: "Reason", hint: "Such as: receiver in shadow.", help: "The point stays in the record, and no figure uses it; the report prints the reason.", maxlength: 200 }],
-    submit: "Leave out",
-    action: (changes) => changePoint(name, changes),
-  });
+const leaveOut = (name) => ask({
+  title: `Leave out ${name}`,
+  fields: [{ name: "left_out", label: "Reason", hint: "Such as: receiver in shadow.", help: "The point stays in the record, and no figure uses it; the report prints the reason.", maxlength: 200 }],
+  submit: "Leave out",
+  action: (changes) => changePoint(name, changes),
+});
 
 function hide() {
   return ask({
@@ -117,8 +104,7 @@ function drawLimits(result) {
   const rule = rules.find(({ name }) => name === requirement.rule);
   const choose = (label, values, chosen, name) =>
     h("label", { class: "field" }, h("span", {}, label), h("select", { title: label, disabled: !mayChange, onchange: (event) => act(event.target, () => change({ [name]: event.target.value })) }, values.map(([value, text]) => h("option", { value, selected: value === chosen }, text))));
-  fill(
-    byId("limits"),
+  fill(byId("limits"),
     h("div", { class: "pair-fields" }, choose("Class", (rule?.classes ?? []).map(({ name }) => [name, name]), requirement.road_class, "road_class"), choose("Decision rule", [["guarded", "Guarded, 5 %"], ["simple", "Simple"], ["shared_risk", "Shared risk"]], requirement.decision ?? "guarded", "decision")),
     h("dl", { class: "limits" }, result.criteria.map((each) => drawLimit(each, result.figures.find(({ figure }) => figure === each.figure)))),
     h("p", { class: "caption" }, `${requirement.rule}${requirement.confirmed ? `, confirmed by ${requirement.confirmed}` : ", figures not confirmed"}. ${rule?.read ?? ""}`),
@@ -151,19 +137,6 @@ function strip({ at_least: least, at_most: most }, { value, low, high, standard_
   return svg("svg", { class: "limit-strip", viewBox: "0 0 308 40", role: "img", "aria-label": `value ${number(value, 3)}, limit ${number(limit)}` }, zone("zone-no", bad, limit), zone("zone-guard", limit, guard), zone("zone-ok", guard, good), svg("path", { class: "limit-line", d: `M${x(limit)} 3V25` }), svg("path", { class: "value-line", d: `M${x(low)} 14H${x(high)}M${x(low)} 10v8M${x(high)} 10v8` }), svg("circle", { class: "value-dot", cx: x(value), cy: 14, r: 4 }), label);
 }
 
-function drawLayers(result) {
-  const paint = () => {
-    const address = (upright) => `/plots/roads/${roadId}/${result.number}?layers=${[...shown].join(",") || "none"}&upright=${upright}`;
-    fill(byId("map"), h("picture", {}, h("source", { media: "(max-width: 40rem)", srcset: address(true) }), h("img", { class: "road-map", src: address(false), alt: "Illuminance of the road from above, with lanes, luminaires, grid and control points; the tables below hold the same figures" })), h("p", { class: "caption" }, `Ring: the minimum. Heavy line: limit of the class. Placed to ± ${number(result.grid.place_u_m, 2)} m; at most ${number(result.grid.place_limit_m, 2)} m is allowed. ${result.grid.points - result.grid.hidden} of ${result.grid.points} points visible.`));
-  };
-  fill(byId("layers"), LAYERS.map(([name, text]) => h("button", { type: "button", "aria-pressed": String(shown.has(name)), onclick: (event) => {
-    if (!shown.delete(name)) shown.add(name);
-    event.target.setAttribute("aria-pressed", String(shown.has(name)));
-    paint();
-  } }, text)));
-  paint();
-}
-
 function drawPoints(result) {
   if (!road.points.length) return empty("No control points yet", "Read at least four with a lux meter, below and between the lamps; send them as a table with stilb road --points.");
   const found = new Map((result?.control ?? []).map((each) => [each.name, each]));
@@ -183,8 +156,7 @@ function drawPoints(result) {
 function drawGrid(result) {
   return [...new Set(result.points.map(({ part }) => part))].map((part) => {
     const mine = result.points.filter((each) => each.part === part);
-    const xs = [...new Set(mine.map(({ x_m: x }) => x))].sort((a, b) => a - b);
-    const ys = [...new Set(mine.map(({ y_m: y }) => y))].sort((a, b) => a - b);
+    const [xs, ys] = ["x_m", "y_m"].map((axis) => axisOf(mine, axis));
     const at = new Map(mine.map((each) => [`${each.x_m} ${each.y_m}`, each]));
     const cell = (x, y) => {
       const each = at.get(`${x} ${y}`);

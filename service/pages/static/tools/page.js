@@ -1,11 +1,10 @@
 // A calculator: its form as the API's schema states it, its answers side by side.
 
 import { send } from "../api.js";
-import { byId, fill, h, prose, table } from "../dom.js";
+import { act, byId, fill, h, prose, table, wrong } from "../dom.js";
 import { number, quantity, tag } from "../format.js";
-import { field, numberOf } from "../campaign/forms.js";
+import { field, numberOf } from "../ask.js";
 import { WRITTEN, headOf, titleOf } from "../names.js";
-import { act, wrong } from "../states.js";
 import { TOOLS } from "../calculators.js";
 
 const { tool } = document.querySelector("main").dataset;
@@ -25,9 +24,7 @@ const rows = takesTable ? h("textarea", { rows: 8, class: "mono", spellcheck: "f
 let cases = [];
 
 const again = h("button", { type: "button", hidden: true, onclick: (event) => form.reportValidity() && act(event.target, () => compute(cases)) }, "Compare with this, too");
-const form = h(
-  "form",
-  { class: "card", onsubmit: (event) => (event.preventDefault(), act(event.submitter ?? form.querySelector("[type=submit]"), () => compute([]))) },
+const form = h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(event.submitter ?? form.querySelector("[type=submit]"), () => compute([]))) },
   rows ? field("Rows", rows, "One frame a line, pasted from a spreadsheet with its head.", "/docs/tools#exposure") : null,
   h("div", { class: "fields" }, inputs.map((each) => each.element)),
   h("p", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Compute"), again),
@@ -37,12 +34,10 @@ const kept = new URLSearchParams(location.search);
 for (const { name, input } of inputs) if (kept.has(name)) input.value = kept.get(name);
 if (kept.size && form.checkValidity()) form.requestSubmit();
 
-/** A sentence of the API in the words of this page. */
 function told(sentence) {
   return prose(sentence?.replace(/`?\b([a-z]+(?:_[a-z0-9]+)+)\b`?/g, (all, name) => (name in KNOWN ? headOf(name)[0] : all)));
 }
 
-/** The schema's sentence, and the range. */
 function hintOf({ description }, { minimum, maximum, type }) {
   const range = type === "string" || minimum === undefined ? "" : `Between ${number(minimum)} and ${number(maximum)}.`;
   return [description ? [told(description), " "] : null, range];
@@ -57,7 +52,6 @@ function read() {
   return Object.fromEntries(said.filter(([, value]) => value !== undefined));
 }
 
-/** Compute what is filled in beside earlier cases. */
 async function compute(earlier) {
   const typed = read();
   history.replaceState(history.state, "", `${location.pathname}?${new URLSearchParams(typed)}`);
@@ -69,7 +63,6 @@ async function compute(earlier) {
   fill(byId("answer"), answer.flags?.length ? h("p", { class: "note warn" }, answer.flags.map((each) => [tag(each.flag, "warn"), " ", each.detail])) : null, side(answer.items ?? [answer]));
 }
 
-/** The answers as columns. */
 function side(found) {
   const names = Object.keys(answers.properties).filter((name) => name !== "name" && name !== "flags" && found.some((each) => each[name] !== undefined));
   const columns = [
