@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -433,7 +433,8 @@ def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
 
 _OF_REGION = ("pixels", "mean", "median", "saturated_share", "shared_u_cd_m2", "noise_u_cd_m2")
 _EXPANDED = ("effective_dof", "coverage_factor", "expanded_uncertainty_cd_m2")
-_OF_CELLS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
+_TOLD_APART = ("cell_model", "cells", "u_l", "illuminance_lx")
+_OF_CELLS = [each.name for each in fields(Surface) if each.name not in _TOLD_APART]
 
 
 def summarise(result: Mapping[str, Any]) -> Summary:

@@ -134,11 +134,7 @@ def test_a_camera_is_registered_from_the_page(page, service):
     page.locator("#add-camera").click()
     dialog = page.get_by_role("dialog")
     check_access(page)
-    for label, value in {
-        "Make": "DJI",
-        "Model": "FC6520",
-        "Serial number": "0K1XE8",
-    }.items():
+    for label, value in {"Make": "DJI", "Model": "FC6520", "Serial number": "0K1XE8"}.items():
         dialog.get_by_label(label, exact=True).fill(value)
     dialog.get_by_label("Pixel pitch [µm]").fill("3,28")
     dialog.get_by_role("button", name="Register").click()

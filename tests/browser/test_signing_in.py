@@ -57,8 +57,7 @@ def test_the_first_tab_leads_past_the_navigation(page):
 def test_who_is_signed_in_follows_a_link_from_elsewhere(page, service):
     html = f'<a href="{service.url}/jobs?from=mail">the queue</a>'
     page.context.route(
-        "http://elsewhere.example/",
-        lambda route: route.fulfill(body=html, content_type="text/html"),
+        "http://elsewhere.example/", lambda route: route.fulfill(body=html, content_type="text/html")
     )
     page.goto("http://elsewhere.example/")
     page.get_by_role("link", name="the queue").click()

@@ -32,12 +32,7 @@ def test_tus_js_client_goes_on_where_it_was_cut(browser, service, team, tmp_path
     assert hashlib.sha256(CODE.read_bytes()).hexdigest() == SHA256
     content = write_frame(tmp_path / "level-1.DNG", shape=(1000, 1500)).read_bytes()
     campaign = team.campaign()
-    metadata = {
-        "campaign_id": campaign.id,
-        "role": "light",
-        "scene": "level-1",
-        "filename": "Straße 1.DNG",
-    }
+    metadata = {"campaign_id": campaign.id, "role": "light", "scene": "level-1", "filename": "Straße 1.DNG"}
     with line_to(service.url) as line, visit(browser, line.url) as context:
         page = sign_in(context, team.key)
         pieces = []

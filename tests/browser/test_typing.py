@@ -8,14 +8,7 @@ from tests.support.browser import DIALOG, check_access, look, settle
 from tests.support.frames import write_frame
 from tests.support.processes import wait_until
 
-MEANT = {
-    "Scene 1": 54.4,
-    "Scene 2": 23.1,
-    "Scene 3": 7.35,
-    "Scene 4": 2.94,
-    "Scene 5": 1.28,
-    "Scene 6": 0.56,
-}
+MEANT = {"Scene 1": 54.4, "Scene 2": 23.1, "Scene 3": 7.35, "Scene 4": 2.94, "Scene 5": 1.28, "Scene 6": 0.56}
 SETTINGS = [(f, iso) for iso in (3200, 12800) for f in (2.8, 4.0, 5.6)]
 WIDE = pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
 

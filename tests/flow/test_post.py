@@ -41,8 +41,7 @@ def broker_that(answers):
 
 
 @pytest.mark.parametrize(
-    "answers",
-    [pytest.param(socket.socket.fileno, id="silent"), pytest.param(socket.socket.close, id="gone")],
+    "answers", [pytest.param(socket.socket.fileno, id="silent"), pytest.param(socket.socket.close, id="gone")]
 )
 def test_one_attempt_for_all_who_send_at_once(answers):
     with broker_that(answers) as (url, taken):

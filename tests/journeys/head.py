@@ -54,24 +54,13 @@ SCENES = {"bright": 90.0, "middle": 40.0, "dim": 15.0}
 LIGHT = ((0.01, 2.8), (0.04, 5.6))
 CARD = [(440, 340), (840, 340), (840, 680), (440, 680)]
 STREET_CD_M2 = 30.0
-EDGE_BLUR_PX = {
-    "centre": 0.72,
-    "top-left": 0.95,
-    "top-right": 0.95,
-    "bottom-left": 1.0,
-    "bottom-right": 0.9,
-}
+EDGE_BLUR_PX = {"centre": 0.72, "top-left": 0.95, "top-right": 0.95, "bottom-left": 1.0, "bottom-right": 0.9}
 STAR_CYCLES = 48
 DAY = "2026-05-04"
 # the corner of a street, where the lens loses light
 CORNER: Corners = [(60, 60), (260, 60), (260, 220), (60, 220)]
 # a flight of the paper, whose pictures are exposed for 1/400 s
-MOTION = {
-    "pixel_pitch_um": PITCH_UM,
-    "focal_length_mm": 9.0,
-    "distance_m": 100.0,
-    "ground_speed_m_s": 15.0,
-}
+MOTION = {"pixel_pitch_um": PITCH_UM, "focal_length_mm": 9.0, "distance_m": 100.0, "ground_speed_m_s": 15.0}
 MOTION_PX = 0.726
 _START = datetime(2026, 5, 4, 19, 0, tzinfo=UTC)
 

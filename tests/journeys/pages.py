@@ -426,13 +426,7 @@ def _find_option(
 ) -> list[str]:
     """Those that name the coefficient and all that it holds for, and no f-number unless one is wanted."""
     (kind,) = [each for each in method.coefficients if each.name == name]
-    said = {
-        "iso": "ISO {}",
-        "f_number": "f/{:g}",
-        "band": "band {}",
-        "channel": "channel {}",
-        "model": "{}",
-    }
+    said = {"iso": "ISO {}", "f_number": "f/{:g}", "band": "band {}", "channel": "channel {}", "model": "{}"}
     words = [said[key].format(_plain(value)) for key, value in where.items()]
     return [
         label

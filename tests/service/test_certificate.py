@@ -17,14 +17,7 @@ from service.documents.pages import lay_out
 from service.documents.schemas import CertificateAnswer
 from store.tables import FrameRow
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
-from tests.support.certificates import (
-    LABORATORY,
-    METER,
-    WORK,
-    certificate_of,
-    complete_version,
-    name_person,
-)
+from tests.support.certificates import LABORATORY, METER, WORK, certificate_of, complete_version, name_person
 from tests.support.dcc import read_dcc
 
 pytestmark = pytest.mark.either_database

@@ -143,11 +143,7 @@ def test_the_camera_s_record_says_the_pitch(house):
         ({"focal_length_mm": 4}, "query.pixel_pitch_um", "the camera's record does not say it"),
         (OPTICS | {"ground_speed_m_s": 5}, "query", "together or not at all"),
         (OPTICS | {"distance_m": 5}, "query", "together or not at all"),
-        (
-            OPTICS | {"distance_m": 5, "ground_speed_m_s": 5, "ground_speed_km_h": 18},
-            "query",
-            "not both",
-        ),
+        (OPTICS | {"distance_m": 5, "ground_speed_m_s": 5, "ground_speed_km_h": 18}, "query", "not both"),
         (OPTICS | {"limit_px": "nan"}, "query.limit_px", "must be a number"),
         (OPTICS | {"limit_px": "1e400"}, "query.limit_px", "must be a finite number"),
         (OPTICS | {"limit_px": 0}, "query.limit_px", "greater than or equal"),

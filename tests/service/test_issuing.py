@@ -188,10 +188,7 @@ def test_a_certificate_that_rots_is_noticed_and_nothing_takes_its_place(house, v
 def test_the_database_holds_what_was_issued(house, version):
     publish(house, version)
     for change in (update(IssuedCertificate).values(number="x"), IssuedCertificate.__table__.delete()):
-        with (
-            pytest.raises(DBAPIError, match=r"never (change|deleted)"),
-            house.database.engine.begin() as c,
-        ):
+        with pytest.raises(DBAPIError, match=r"never (change|deleted)"), house.database.engine.begin() as c:
             c.execute(change)
 
 

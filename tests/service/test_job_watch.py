@@ -85,10 +85,7 @@ def test_a_stream_tells_a_job_to_its_end_and_nobody_elses(house, stranger):
     answer = house.http.get(place)
     assert answer.headers["Content-Type"].startswith("text/event-stream")
     ((name, mark, data),) = read_events(answer)
-    assert (name, data) == (
-        "job",
-        {"id": job_id, "state": "succeeded", "progress": 1.0, "attempt": 1},
-    )
+    assert (name, data) == ("job", {"id": job_id, "state": "succeeded", "progress": 1.0, "attempt": 1})
     # who has seen the end is told once more that it is one
     assert read_events(house.http.get(place, headers={"Last-Event-ID": mark})) == [(name, mark, data)]
     assert stranger.get(place).status_code == 404

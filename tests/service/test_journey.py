@@ -10,13 +10,7 @@ import pytest
 from radiometry.fitting.sources import K_UNITS
 from store.logs import add_fields
 from store.tables import Blob
-from tests.support.campaigns import (
-    ISOS,
-    K_TRUE,
-    calibrate,
-    calibrated_campaign,
-    upload_campaign,
-)
+from tests.support.campaigns import ISOS, K_TRUE, calibrate, calibrated_campaign, upload_campaign
 
 pytestmark = pytest.mark.either_database
 

@@ -50,10 +50,7 @@ def test_a_filter_that_no_list_has_is_refused_with_its_name(lists):
 @pytest.fixture(scope="module")
 def cursors(sqlite_house):
     """Every address that takes a cursor, and a cursor of another list."""
-    ids = {
-        "campaign_id": sqlite_house.campaign()["id"],
-        "camera_id": sqlite_house.camera()["id"],
-    }
+    ids = {"campaign_id": sqlite_house.campaign()["id"], "camera_id": sqlite_house.camera()["id"]}
     sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "1"})
     sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "2"})
     other = sqlite_house.get("/v1/meters", limit=1)["next"].rpartition("cursor=")[2]

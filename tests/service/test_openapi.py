@@ -66,10 +66,7 @@ def document(built_app):
 @pytest.fixture(scope="module")
 def operations(document):
     return [
-        (
-            f"{method.upper()} {path}",
-            operation | {"responses": resolve_each(document, operation)},
-        )
+        (f"{method.upper()} {path}", operation | {"responses": resolve_each(document, operation)})
         for path, methods in document["paths"].items()
         for method, operation in methods.items()
     ]

@@ -143,10 +143,7 @@ def test_corner_falls_with_the_aperture_a_line_for_each_channel():
     (figure,) = figures("vignetting", "corner", {"channel_fits": fits, "thresholds": [{"falloff": 0.1}]})
     green, red = figure.series
     assert [each.name for each in figure.series] == ["G", "R"]
-    assert points(green) == [
-        pytest.approx((2.8, 40.0, 38.0, 42.0)),
-        pytest.approx((5.6, 20.0, 18.0, 22.0)),
-    ]
+    assert points(green) == [pytest.approx((2.8, 40.0, 38.0, 42.0)), pytest.approx((5.6, 20.0, 18.0, 22.0))]
     assert green.line == ((2.8, 40.0), (5.6, 20.0))
     assert points(red) == [pytest.approx((2.8, 50.0, 48.0, 52.0))]
     assert green.marks[0].told == ("40.0 ± 2.0 %, two standard uncertainties",)

@@ -81,11 +81,7 @@ def test_a_panel_frame_gives_the_published_radiance_and_the_light_sensor_s_readi
     assert row["i_sq"] == pytest.approx(RADIANCE[band], rel=1e-3)
     sunshine = frame["sunshine"]
     assert sunshine["i_ss"] == pytest.approx(DLS[band], abs=1e-6)
-    assert (sunshine["unit"], sunshine["serial"], sunshine["readings"]) == (
-        "W/(m2*nm)",
-        "DL03-1706120-SC",
-        1,
-    )
+    assert (sunshine["unit"], sunshine["serial"], sunshine["readings"]) == ("W/(m2*nm)", "DL03-1706120-SC", 1)
 
 
 def test_flight_frames_are_no_part_of_the_version_and_wait_for_no_region(frames, version):

@@ -289,10 +289,7 @@ def test_an_index_of_a_flight_names_what_has_not_been_read(house, staged, conten
 
 @pytest.mark.parametrize(
     ("body", "code"),
-    [
-        ({"reflectance": 0.5}, "option_not_of_method"),
-        ({"index": "ndvi"}, "capture_incomplete"),
-    ],
+    [({"reflectance": 0.5}, "option_not_of_method"), ({"index": "ndvi"}, "capture_incomplete")],
 )
 def test_what_cannot_be_measured_is_said_before_the_job(house, staged, body, code):
     campaign, version = staged(begin_and_fit, bands=("green",))

@@ -123,8 +123,7 @@ def test_own_scripts_are_served_packed(house):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["../__init__.py", "%2e%2e/__init__.py", "/etc/passwd", "pages", "", "stilb.css/"],
+    "name", ["../__init__.py", "%2e%2e/__init__.py", "/etc/passwd", "pages", "", "stilb.css/"]
 )
 def test_nothing_else_is_served(house, name):
     release = house.app.state.assets.release

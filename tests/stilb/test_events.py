@@ -28,11 +28,7 @@ def test_a_campaign_is_followed_and_a_job_to_its_end(team, signed_in, tmp_path):
 def check_heads(team, campaign, frame):
     """A head is the GET's own, and the line is of use afterwards; that of a stream awaits no change."""
     key = {"Authorization": f"Bearer {team.key}"}
-    paths = (
-        "/docs/pictures/concept.svg",
-        f"/v1/campaigns/{campaign.id}",
-        f"/v1/frames/{frame.id}/content",
-    )
+    paths = ("/docs/pictures/concept.svg", f"/v1/campaigns/{campaign.id}", f"/v1/frames/{frame.id}/content")
     host = team.url.removeprefix("http://")
     with closing(http.client.HTTPConnection(host, timeout=60)) as line:
         line.connect()

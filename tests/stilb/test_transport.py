@@ -34,8 +34,7 @@ def test_a_gateways_page_becomes_a_problem(status, retryable):
 
 
 @pytest.mark.parametrize(
-    "told",
-    [{"json": ["a list"]}, {"content": b"{", "headers": {"Content-Type": "application/problem+json"}}],
+    "told", [{"json": ["a list"]}, {"content": b"{", "headers": {"Content-Type": "application/problem+json"}}]
 )
 def test_json_that_is_no_problem_document_becomes_one(told):
     assert from_response(httpx.Response(400, **told)).code == "http_400"

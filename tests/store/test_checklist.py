@@ -96,9 +96,7 @@ def test_a_person_stands_before_the_record(house):
     assert (item.done_by, item.done_at, item.note) == (None, None, "two were renamed")
     assert item.evidence.startswith("Every light and dark frame is a raw DNG: 15 frames (")
     change(
-        house,
-        campaign,
-        lambda s, c: set_tick(s, c, "settings_format_dng", done=True, note=None, by="key_9"),
+        house, campaign, lambda s, c: set_tick(s, c, "settings_format_dng", done=True, note=None, by="key_9")
     )
     item = read(house, campaign)["settings_format_dng"]
     assert (item.done_by, item.note) == ("key_9", "two were renamed")

@@ -36,8 +36,8 @@ CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
 # What takes long to make and holds nothing of a house. An application has its world in its context alone: the
 # next house takes over what the last one left.
 _idle_apps: list[FastAPI] = []
-_decoders = DecoderPool()
-atexit.register(_decoders.close)
+DECODERS = DecoderPool()
+atexit.register(DECODERS.close)
 
 
 def lay_out_only(order: bytes, **_) -> bytes:
@@ -81,7 +81,7 @@ class House:
             TestClient(self.app, headers={"Authorization": f"Bearer {KEY}"}, raise_server_exceptions=True)
         )
         self.worker = WorkerContext(
-            settings=self.settings, database=self.database, blobs=self.blobs, decoders=_decoders
+            settings=self.settings, database=self.database, blobs=self.blobs, decoders=DECODERS
         )
         return self
 

@@ -3,12 +3,20 @@
 import shutil
 import socket
 import threading
+from contextlib import nullcontext
 
 import pytest
 import uvicorn
 
 from tests.support.certificates import complete_version, export_version
-from tests.support.house import furnished
+from tests.support.house import DECODERS, furnished
+
+
+@pytest.fixture(autouse=True)
+def verifying(monkeypatch):
+    """Wide tables, and decoders that are started once; the installed command starts its own."""
+    monkeypatch.setenv("COLUMNS", "250")
+    monkeypatch.setattr("verify.__main__.DecoderPool", lambda: nullcontext(DECODERS))
 
 
 @pytest.fixture(scope="session")

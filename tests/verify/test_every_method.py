@@ -33,11 +33,6 @@ UNCERTIFIED = {
 CASES = [*OTHERS, *UNCERTIFIED]
 
 
-@pytest.fixture(autouse=True)
-def wide(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "250")
-
-
 @pytest.fixture(scope="module")
 def exports(migrated_sqlite, tmp_path_factory):
     """Exports each method's version when a test first asks for it."""

@@ -55,8 +55,7 @@ def run(capsys, folder):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "average"])
-def test_an_untouched_measurement_agrees(capsys, measured, kind, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "250")
+def test_an_untouched_measurement_agrees(capsys, measured, kind):
     code, said = run(capsys, measured / kind)
     assert "NO" not in said
     assert code == 0
@@ -65,8 +64,7 @@ def test_an_untouched_measurement_agrees(capsys, measured, kind, monkeypatch):
 
 
 @pytest.fixture
-def luminance(measured, tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "250")
+def luminance(measured, tmp_path):
     return shutil.copytree(measured / "luminance", tmp_path / "luminance")
 
 

@@ -18,11 +18,6 @@ from verify.compare import Row, compare
 pytestmark = pytest.mark.either_database
 
 
-@pytest.fixture(autouse=True)
-def wide(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "250")
-
-
 def test_an_untouched_export_agrees(capsys, exported):
     code, said = run(capsys, exported)
     assert code == 0

@@ -105,10 +105,7 @@ def test_a_line_leaves_the_axes_where_it_crosses_them_and_comes_back():
     axis = Axis(label="", ticks=((0.0, "0"), (10.0, "10")), include=(0.0, 10.0))
     figure = Figure(x=axis, y=axis, series=(Series(model=((0.0, 5.0), (5.0, 15.0), (10.0, 5.0))),))
     # y is 10 at 2.5 and at 7.5
-    assert polylines(draw(figure)) == [
-        [(60.0, 110.0), (185.0, 10.0)],
-        [(435.0, 10.0), (560.0, 110.0)],
-    ]
+    assert polylines(draw(figure)) == [[(60.0, 110.0), (185.0, 10.0)], [(435.0, 10.0), (560.0, 110.0)]]
 
 
 def test_ten_thousand_points_are_a_small_picture_that_hides_no_excluded_one():
@@ -157,11 +154,7 @@ def test_long_names_are_shortened_in_their_middle_and_leave_room():
     ("first", "last", "texts"),
     [
         # the night in which Europe's clocks are put forward: an hour is an hour, in UTC
-        (
-            "2026-03-28T22:00",
-            "2026-03-29T04:00",
-            ["22:00", "03-29", "02:00", "04:00"],
-        ),
+        ("2026-03-28T22:00", "2026-03-29T04:00", ["22:00", "03-29", "02:00", "04:00"]),
         ("2025-11-20T00:00", "2026-02-10T00:00", ["2025-12", "2026-01", "2026-02"]),
         ("1969-12-31T00:00", "1970-01-02T00:00", ["12-31", "12:00", "01-01", "12:00", "01-02"]),
     ],

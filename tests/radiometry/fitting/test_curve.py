@@ -276,9 +276,7 @@ def test_the_semilog_trap():
     rhs = np.outer(luminances, 3200 / 32 / np.array([1.7, 2, 2.8, 4, 5.6, 8, 11, 16]) ** 2).ravel()
     rhs = rhs[K * 1.1 * rhs < 3800]
     points = dataclasses.replace(
-        curve([f"{n}" for n in range(len(rhs))], [4] * len(rhs), u_dn=1.0),
-        rhs=rhs,
-        signal_dn=K * 1.1 * rhs,
+        curve([f"{n}" for n in range(len(rhs))], [4] * len(rhs), u_dn=1.0), rhs=rhs, signal_dn=K * 1.1 * rhs
     )
     slope, offset = fit_curve(points, model="semilog").parameters
     errors = np.exp((points.signal_dn - offset) / slope) / rhs - 1

@@ -207,11 +207,7 @@ def test_estimated_variance_is_the_analysis_of_variance(balanced):
 def test_estimated_variance_reaches_the_parameter(balanced):
     response, group, noise, groups, per_group = balanced
     means = response.reshape(groups, per_group).mean(axis=1)
-    solution = solve(
-        np.ones((response.size, 1)),
-        response,
-        [independent(*[noise] * response.size), group],
-    )
+    solution = solve(np.ones((response.size, 1)), response, [independent(*[noise] * response.size), group])
     assert solution.covariance[0, 0] == pytest.approx(np.var(means, ddof=1) / groups, rel=1e-9)
     assert solution.chi_squared == pytest.approx(
         np.sum((response.reshape(groups, -1) - means[:, None]) ** 2) / noise**2 + groups - 1

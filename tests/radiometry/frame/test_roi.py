@@ -177,11 +177,7 @@ def test_the_key_is_the_sha256_of_the_text():
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "makePolygon(0,0,5,5,0,5)",
-        "  makePolygon( 0, 0 , 5.0,5, 0 ,5 ) ;\n",
-        "makePolygon(0,5,5,5,0,0);",
-    ],
+    ["makePolygon(0,0,5,5,0,5)", "  makePolygon( 0, 0 , 5.0,5, 0 ,5 ) ;\n", "makePolygon(0,5,5,5,0,0);"],
 )
 def test_a_pasted_imagej_line_is_read(text):
     assert parse_imagej(text) == Polygon.from_points(TRIANGLE)

@@ -144,10 +144,7 @@ def test_another_format_with_a_region_of_its_own_is_looked_at():
     assert formats(other, FRAME, other) == ["", "warn", ""]
     assert formats(
         FRAME, other, dataclasses.replace(other, format=(5280, 3000, "RGGB")), other, FRAME, FRAME
-    ) == [
-        *("", "warn", "fail"),
-        *("warn", "", ""),
-    ]
+    ) == [*("", "warn", "fail"), *("warn", "", "")]
 
 
 def test_another_image_size_stands_before_the_region_that_does_not_fit_it():

@@ -359,11 +359,7 @@ def test_nothing_is_missing():
     ("rows", "readings", "sentence"),
     [
         (DARKS, READINGS, "the campaign has no light frame"),
-        (
-            (*ROWS, light("dim", 11.0, name="new", statistics=None)),
-            READINGS,
-            "no statistics yet: frame new",
-        ),
+        ((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, "no statistics yet: frame new"),
         (
             (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene=None)),
             READINGS,

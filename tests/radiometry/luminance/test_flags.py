@@ -204,8 +204,7 @@ def test_an_offset_is_flagged_with_its_size(drawn):
     """Stray light of 40 DN in every light frame of ISO 3200; the weakest has some 80 DN above dark."""
     lit = [
         dataclasses.replace(
-            row,
-            statistics=tuple(dataclasses.replace(s, mean_dn=s.mean_dn + 40.0) for s in row.statistics),
+            row, statistics=tuple(dataclasses.replace(s, mean_dn=s.mean_dn + 40.0) for s in row.statistics)
         )
         if row.role == "light" and row.exposure.iso == 3200.0
         else row

@@ -275,10 +275,7 @@ def test_the_procedures_road_comes_back_cell_by_cell():
     assert (surface.cell_model, surface.u_o.unit, surface.l_av_cd_m2.unit) == ("projective", "1", "cd/m2")
     assert surface.illuminance_lx.value == pytest.approx(math.pi * surface.l_av_cd_m2.value / 0.1)
     assert found.illuminance_lx.unit == "lx"
-    for part, light in (
-        (found.illuminance_lx, found.mean),
-        (surface.illuminance_lx, surface.l_av_cd_m2),
-    ):
+    for part, light in ((found.illuminance_lx, found.mean), (surface.illuminance_lx, surface.l_av_cd_m2)):
         u_rel = math.hypot(0.1, light.standard_uncertainty / light.value)
         assert part.standard_uncertainty / part.value == pytest.approx(u_rel)
     stated = measured(

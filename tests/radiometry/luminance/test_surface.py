@@ -105,11 +105,7 @@ def test_a_dark_cell_that_lies_apart_stays_as_it_is_read():
 
 
 @settings(max_examples=10)
-@given(
-    st.lists(st.floats(0.5, 2.0), min_size=6, max_size=6),
-    st.floats(0.0, 0.05),
-    st.integers(0, 1000),
-)
+@given(st.lists(st.floats(0.5, 2.0), min_size=6, max_size=6), st.floats(0.0, 0.05), st.integers(0, 1000))
 def test_uncertainties_are_those_of_drawn_errors(values, dark, seed):
     """Every figure's error over drawn errors is what the gradient says; extremes are kept apart."""
     values = np.array(values).reshape(2, 3) + np.array([[0.0, 3.0, 6.0], [9.0, 12.0, 15.0]])

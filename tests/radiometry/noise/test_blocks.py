@@ -84,10 +84,7 @@ def test_a_round_region_holds_a_smaller_square():
 
 @pytest.mark.parametrize(
     ("region", "message"),
-    [
-        (rectangle(10, 10, 41, 100), "no square of 16 x 16"),
-        (rectangle(10.6, 10.6, 11.4, 11.4), "no pixel"),
-    ],
+    [(rectangle(10, 10, 41, 100), "no square of 16 x 16"), (rectangle(10.6, 10.6, 11.4, 11.4), "no pixel")],
 )
 def test_a_region_that_is_too_small_is_refused(region, message):
     with pytest.raises(InputRejected, match=message) as refused:

@@ -40,12 +40,7 @@ def test_figures_scatter_as_they_say():
         transfer = only(noise.fit(take(SMALL, seed, times=TIMES[1:]), PARAMS)).transfer
         gain, read = transfer.system_gain_dn_per_e, transfer.read_noise_e
         threshold, full = transfer.sensitivity_threshold_e, transfer.full_well_e
-        truths = (
-            (gain, 0.5),
-            (read, 6.0),
-            (threshold, math.sqrt(36.0 + 1 / 3) + 0.5),
-            (full, full_well_e),
-        )
+        truths = ((gain, 0.5), (read, 6.0), (threshold, math.sqrt(36.0 + 1 / 3) + 0.5), (full, full_well_e))
         pulls.append([(found.value - true) / found.standard_uncertainty for found, true in truths])
     pulls = np.array(pulls)
     assert np.abs(pulls.mean(axis=0)).max() < 3.5 / math.sqrt(50)

@@ -44,8 +44,7 @@ def capture(surface, rotate=None):
     shots = expose(size, seeded(), reflectance=dict.fromkeys(CAMERA.bands, 0.1))
     return {
         name: reflectance_indices.BandMap(
-            header=_turned(shot.header, rotate),
-            reflectance=np.full((60, 80), surface[name], np.float32),
+            header=_turned(shot.header, rotate), reflectance=np.full((60, 80), surface[name], np.float32)
         )
         for name, shot in shots.items()
     }
@@ -272,8 +271,7 @@ def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
     )
     maps = {
         name: reflectance_indices.BandMap(
-            header=make_header(dataclasses.replace(band, band=name)),
-            reflectance=np.ones((2, 2), np.float32),
+            header=make_header(dataclasses.replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)
         )
         for name in ("nir", "red")
     }

@@ -102,11 +102,7 @@ def test_light_that_the_file_divides_takes_the_place_of_the_assumed_fraction():
         ({"quantity": "horizontal", "spectral_w_m2_nm": 0.8}, "horizontal", 0.8),
         ({"quantity": "compensated"}, "compensated", 1.0),
         ({"quantity": "spectral"}, "levelled", None),
-        (
-            {"quantity": "spectral", "distrust": "HorizontalIrradiance of Altum 1.0.0"},
-            "levelled",
-            None,
-        ),
+        ({"quantity": "spectral", "distrust": "HorizontalIrradiance of Altum 1.0.0"}, "levelled", None),
     ],
 )
 def test_the_answer_names_the_surface_of_its_irradiance(stated, basis, ratio):
@@ -125,10 +121,7 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
     place = {name: PLACE[name] for name in ("latitude_deg", "longitude_deg")}
     panel, field = (
         [
-            dataclasses.replace(
-                each,
-                header=dataclasses.replace(each.header, **place),
-            )
+            dataclasses.replace(each, header=dataclasses.replace(each.header, **place))
             for each in take(
                 seeded(seed), {"green": PANEL_R["green"]}, i_ss=light, role=role, minutes=minutes
             )

@@ -64,10 +64,7 @@ def read(name):
 
 @pytest.mark.parametrize(
     ("names", "reach", "residual"),
-    [
-        ("rededge/0000SET_000_IMG_0001_{}.tif", 96, 0.35),
-        ("p4m/DJI_001{}.TIF", 24, 0.4),
-    ],
+    [("rededge/0000SET_000_IMG_0001_{}.tif", 96, 0.35), ("p4m/DJI_001{}.TIF", 24, 0.4)],
 )
 def test_bands_of_a_real_flight_agree_to_a_fraction_of_a_pixel(names, reach, residual):
     planes = [read(names.format(number)) for number in (4, 5)]

@@ -59,11 +59,7 @@ def exact_blocks(grid, k, centre_px, *, gradient=(0.0, 0.0), error=1e-3, site=WH
     """Block means of the equation itself."""
     rows, cols = grid.axes(site)
     means, _, _ = average_radial(
-        rows,
-        cols,
-        centre_row_px=centre_px[0],
-        centre_col_px=centre_px[1],
-        radius_px=grid.half_diagonal_px,
+        rows, cols, centre_row_px=centre_px[0], centre_col_px=centre_px[1], radius_px=grid.half_diagonal_px
     )
     a = (rows.means - grid.middle_px[0]) / grid.half_diagonal_px
     b = (cols.means - grid.middle_px[1]) / grid.half_diagonal_px

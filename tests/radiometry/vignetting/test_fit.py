@@ -150,8 +150,7 @@ def test_uneven_light_is_told_from_an_off_centre_lens():
     assert flags_of(uneven.flags) == {"uneven_light", "dark_from_black_level"}
     # the plain fit would put the light's slope into the centre, many errors away
     plain = solve_falloff(
-        exact_blocks(grid_of(320, 480), FALLOFFS[1.4], (171.0, 222.0), gradient=(0.02, 0.03)),
-        EVEN,
+        exact_blocks(grid_of(320, 480), FALLOFFS[1.4], (171.0, 222.0), gradient=(0.02, 0.03)), EVEN
     )
     assert abs(plain.centre_px[0] - 171.0) > 3.0
 

@@ -233,8 +233,7 @@ def test_a_cell_killed_from_outside_is_replaced_once(hostile, save):
 
 
 @pytest.mark.parametrize(
-    ("ends_by", "times", "told"),
-    [(signal.SIGTERM, 2, DecoderKilled), (signal.SIGSEGV, 1, DecoderCrashed)],
+    ("ends_by", "times", "told"), [(signal.SIGTERM, 2, DecoderKilled), (signal.SIGSEGV, 1, DecoderCrashed)]
 )
 def test_a_cell_killed_twice_says_nothing_of_its_file_and_one_that_crashes_once_does(
     hostile, save, ends_by, times, told

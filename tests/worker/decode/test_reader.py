@@ -52,9 +52,7 @@ VARIANTS = {
     for predictor in range(1, 8)
 }
 # LibRaw takes the first strip for all, or cannot tell where the next one starts.
-BEYOND_LIBRAW = {
-    "ljpeg strips": Variant(compression="ljpeg", bits=12, rows_per_strip=16),
-}
+BEYOND_LIBRAW = {"ljpeg strips": Variant(compression="ljpeg", bits=12, rows_per_strip=16)}
 WINDOWS = ((0, 0, 1, 1), (1, 3, 17, 21), (31, 31, 2, 2), (16, 33, 40, 45), (58, 82, 1, 1))
 
 
