@@ -43,21 +43,12 @@ class Roads(Jobs):
     def road_result(self, road_id: str, number: int) -> RoadResult:
         return RoadResult.of(self._get(transport.address("roads", road_id, "results", str(number))))
 
-    def plan_road(self, road_id: str, *, e_av_u_rel: float = 0.06, u_0_u_rel: float = 0.05) -> dict[str, Any]:
-        """Return the control points and exposure times that reach these expanded uncertainties."""
-        wanted = {"e_av_u_rel": e_av_u_rel, "u_0_u_rel": u_0_u_rel}
+    def plan_road(self, road_id: str, **wanted: float) -> dict[str, Any]:
+        """Return the control points and exposure times that reach `e_av_u_rel` and `u_0_u_rel`, expanded."""
         return self._get(transport.address("roads", road_id, "plan"), wanted)
 
-    def save_plan(
-        self,
-        road_id: str,
-        path: transport.PathLike,
-        *,
-        e_av_u_rel: float = 0.06,
-        u_0_u_rel: float = 0.05,
-    ) -> Path:
-        """Save the card of a plan (PDF)."""
-        wanted = {"e_av_u_rel": e_av_u_rel, "u_0_u_rel": u_0_u_rel}
+    def save_plan(self, road_id: str, path: transport.PathLike, **wanted: float) -> Path:
+        """Save the card of such a plan (PDF)."""
         return self._save(path, transport.address("roads", road_id, "plan.pdf"), wanted)
 
     def save_road(self, result: RoadResult, path: transport.PathLike) -> Path:
