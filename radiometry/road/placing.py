@@ -81,12 +81,17 @@ class Placement(Record):
     camera: Camera
 
     def to_image(self, places_m: Array) -> Array:
-        """Compute where places on the road, (n, 2) [m], lie in the picture: (n, 2), x before y [px]."""
+        """Compute where places on the road, (n, 2) [m], lie in the picture: (n, 2), x before y [px].
+
+        Brown's model folds what is far outside the picture back into it: such places are shown unbent.
+        """
         ideal = map_plane(self.h, places_m)
         rays = np.column_stack([ideal, np.ones(len(ideal))])
         none = np.zeros(3)
         seen, _ = cv2.projectPoints(rays, none, none, self.camera.matrix, self.camera.distortion)
-        return np.asarray(seen, np.float64).reshape(-1, 2) + 0.5
+        is_bent = np.linalg.norm(ideal, axis=1) <= _find_reach(self.camera.distortion)
+        unbent = map_plane(self.camera.matrix, ideal)
+        return np.asarray(np.where(is_bent[:, None], seen.reshape(-1, 2), unbent) + 0.5, np.float64)
 
     def outline(self, places_m: Array, side_m: float) -> tuple[Polygon, ...]:
         """Return the images of squares around places on the road."""
@@ -212,6 +217,14 @@ def _straighten(camera: Camera, places_px: Array) -> Array:
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
     ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=stop)
     return np.asarray(ideal, np.float64).reshape(-1, 2)
+
+
+def _find_reach(distortion: Array) -> float:
+    """Return the radius at unit distance up to which a lens shows larger radii further outside."""
+    k1, k2, _, _, k3 = distortion
+    squares = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+    turns = squares.real[(np.abs(squares.imag) < 1e-9) & (squares.real > 0.0)]
+    return math.sqrt(min(turns, default=math.inf))
 
 
 def _undetermined() -> Exception:

@@ -44,6 +44,16 @@ def test_places_and_views_of_a_bent_picture_return(count):
     assert views == pytest.approx([0.0, 45.0], abs=1e-4)
 
 
+def test_places_far_outside_do_not_fold_back_into_the_picture():
+    """r (1 - 0.27 r^2) falls beyond r = 1.11: 60 m beside a camera at 30 m it would be -0.16, in sight."""
+    lens = {"fx_px": 500.0, "fy_px": 500.0, "cx_px": 299.5, "cy_px": 199.5, "k1": -0.27}
+    wide = CameraModel(height_px=400, width_px=600, **lens)
+    placed = place_by_pose(make_pose(0.0, 0.0, 30.0, (0.0, -90.0, 0.0)), ORIGIN, wide)
+    near, far = placed.to_image(np.array([(15.0, 0.0), (60.0, 0.0)]))
+    assert near == pytest.approx((300 + 500 * 0.5 * (1 - 0.27 * 0.25), 200), abs=1e-3)
+    assert far == pytest.approx((300 + 500 * 2.0, 200), abs=1e-3)
+
+
 def test_stated_uncertainty_of_places_is_what_they_scatter():
     random, seen = np.random.default_rng(3), look(PLACES)
     others, errors, stated = np.array([(8.0, 2.0), (27.0, 6.0)]), [], []
