@@ -12,7 +12,6 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.road import geojson, rules, site
 from radiometry.road.grid import lay_points
-from radiometry.road.placing import Mark, place_frame
 from radiometry.road.plan import plan_points
 from radiometry.road.results import Plan
 from radiometry.road.results import RoadResult as Evaluated
@@ -27,11 +26,11 @@ from service.roads import schemas, words
 from service.tools.routes import stateless
 from store import jobs
 from store.codec import decode, drop_absent, encode
-from store.measuring.roads import plan_camera, plan_evaluation, read_camera
+from store.measuring.roads import plan_evaluation, plan_placement, read_placement
 from store.publications import list_issued
 from store.queries.calibrations import read_version_statuses
 from store.queries.frame_times import FrameClocks
-from store.tables import Calibration, Camera, Campaign, FrameRow, Meter, Road, RoadResult
+from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
 
 Number = Annotated[int, Path(ge=1, le=1_000_000)]
 _VALUES: Final = ("value", *(f"value_{number}" for number in range(2, 10)))
@@ -189,22 +188,21 @@ def get_road_points(road_id: lookup.Id, caller: auth.Reader, context: UsesContex
 def place_road_frame(
     road_id: lookup.Id, body: schemas.RoadFrame, caller: auth.Reader, context: UsesContext
 ) -> Response:
-    """Preview the place of a frame by these marks, without stating them."""
+    """Preview the place of a frame by these marks, or by its own position, without stating them."""
+    stated = body.model_dump(mode="json", exclude_none=True)
     with context.database.reading() as session:
         row = lookup.owned(session, Road, road_id, caller)
         frame = lookup.owned(session, FrameRow, body.frame_id, caller)
-        header, campaign = require_header(frame), session.get_one(Campaign, frame.campaign_id)
-        known = plan_camera(session, FrameClocks(session), frame, campaign)
-        geometry = session.get_one(Calibration, known["geometry_id"]) if "geometry_id" in known else None
-    camera = read_camera(geometry, known, height_px=header["height_px"], width_px=header["width_px"])
-    placed = place_frame(
-        [decode(Mark, each.model_dump(exclude_none=True)) for each in body.marks or ()], camera
-    )
-    grid = lay_points(decode(site.Site, row.site), rules.find_rule(row.requirement["rule"]).grid)
+        header, over = require_header(frame), decode(site.Site, row.site)
+        named = plan_placement(session, FrameClocks(session), frame, stated, over)
+        geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
+    size = {"height_px": header["height_px"], "width_px": header["width_px"]}
+    placed = read_placement(named, geometry, over, **size)
+    grid = lay_points(over, rules.find_rule(row.requirement["rule"]).grid)
     return schemas.PlacementAnswer(
         h=placed.h.tolist(),
-        matrix=camera.matrix.tolist(),
-        distortion=camera.distortion.tolist(),
+        matrix=placed.camera.matrix.tolist(),
+        distortion=placed.camera.distortion.tolist(),
         place_u_m=float(placed.estimate_u_m(np.array([(each.x_m, each.y_m) for each in grid])).max()),
     ).respond()
 

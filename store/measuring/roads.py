@@ -8,16 +8,16 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import shared
-from radiometry.frame.pose import GroundHeight, find_pose
+from radiometry.frame.pose import GroundHeight, Pose, find_pose
 from radiometry.road import codes
+from radiometry.road.placing import NOMINAL_FOCAL_U, Mark, Placement, PlainCamera, place_by_pose, place_frame
 from radiometry.road.placing import Camera as LensCamera
-from radiometry.road.placing import PlainCamera
 from radiometry.road.site import Road as StatedRoad
 from radiometry.road.site import Site
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store import files, software
 from store.blobs import StoredBlob
-from store.codec import decode_exposure, decode_header, encode, read_applied
+from store.codec import decode, decode_exposure, decode_header, encode, read_applied
 from store.measuring.plan import read_proof, require_read, require_whole
 from store.measuring.record import describe_software
 from store.measuring.version import choose_version, find_falloff, read_lens
@@ -54,36 +54,41 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json, site: Site)
     if lens is not None:
         channels = application.name_channels(header["cfa"], channel=coefficient.channel)
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
-    known = plan_camera(session, clocks, frame, campaign)
-    pose = {} if "marks" in stated else {"pose": _find_pose(frame, stated, site, known)}
     return {
-        **stated,
         "sha256": frame.sha256,
         "calibration_id": calibration.id,
         "why": why,
         **({falloff.method: {"calibration_id": falloff.id}} if falloff else {}),
-        **known,
-        **pose,
+        **plan_placement(session, clocks, frame, stated, site),
     }
 
 
-def plan_camera(session: Session, clocks: FrameClocks, frame: FrameRow, campaign: Campaign) -> Json:
-    """Return what is known of the camera that places a frame, for `read_camera`."""
+def plan_placement(session: Session, clocks: FrameClocks, frame: FrameRow, stated: Json, site: Site) -> Json:
+    """Return what places a frame as it is stated, with its camera and own position, for `read_placement`."""
+    campaign = session.get_one(Campaign, frame.campaign_id)
     geometry = _find_geometry(session, clocks, frame, campaign.camera_id)
     focal_mm, pitch_um = campaign.focal_length_mm, session.get_one(Camera, campaign.camera_id).pixel_pitch_um
-    return {
+    known = {
         **({"geometry_id": geometry.id} if geometry else {}),
         **({"focal_px": 1e3 * focal_mm / pitch_um} if focal_mm and pitch_um else {}),
     }
+    pose = {} if "marks" in stated else {"pose": _find_pose(frame, stated, site, known)}
+    return stated | known | pose
 
 
-def read_camera(geometry: Calibration | None, known: Json, *, height_px: int, width_px: int) -> LensCamera:
-    """Return the camera of the geometry in force, else one without distortion, by its optics."""
+def read_placement(
+    named: Json, geometry: Calibration | None, site: Site, *, height_px: int, width_px: int
+) -> Placement:
+    """Place a frame by its marks, else by its own position, with the lens in force or one by its optics."""
+    focal_px = named.get("focal_px", _USUAL_VIEW * width_px)
+    camera: LensCamera = PlainCamera(focal_px=focal_px, height_px=height_px, width_px=width_px)
     if geometry is not None:
-        camera: LensCamera = read_applied(geometry)
-        return camera
-    focal_px = known.get("focal_px", _USUAL_VIEW * width_px)
-    return PlainCamera(focal_px=focal_px, height_px=height_px, width_px=width_px)
+        camera = read_applied(geometry)
+    if "marks" in named:
+        return place_frame(decode(tuple[Mark, ...], named["marks"]), camera)
+    assert site.origin is not None  # noqa: S101  the plan has seen it
+    u_rel = 0.0 if geometry else NOMINAL_FOCAL_U
+    return place_by_pose(decode(Pose, named["pose"]), site.origin, camera, focal_u_rel=u_rel)
 
 
 def _find_pose(frame: FrameRow, stated: Json, site: Site, optics: Json) -> Json:

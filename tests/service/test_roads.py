@@ -251,9 +251,12 @@ def test_a_frame_without_marks_is_placed_by_its_own_position(house, road):
     house.http.patch(f"/v1/cameras/{camera}", json={"pixel_pitch_um": 5.0})
     house.http.patch(f"/v1/campaigns/{night}", json={"focal_length_mm": 4.0})
     refuse("the site has no origin")
+    assert house.post(f"{path}/placement", {"frame_id": frame_id}, status=422)["code"] == "place_undetermined"
     stated = house.http.patch(path, json={"site": SITE | {"origin": origin}})
     assert stated.json()["frames"] == [{"frame_id": frame_id, "height_u_m": 0.2}]
+    previewed = house.post(f"{path}/placement", stated.json()["frames"][0], status=200)
     result = evaluate(house, road)
+    assert previewed["place_u_m"] == pytest.approx(result["grid"]["place_u_m"])
     assert [each["placed_by"] for each in result["frames"]] == ["position"]
     truth = np.array([float(illuminate(each["x_m"], each["y_m"])) for each in result["points"]])
     assert figures(result)["e_av"]["low"] < truth.mean() < figures(result)["e_av"]["high"]

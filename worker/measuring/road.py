@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from radiometry.frame import Frame
-from radiometry.frame.pose import Pose
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.methods import get_method
 from radiometry.records import Record
-from radiometry.road.placing import NOMINAL_FOCAL_U, Mark, Placement, place_by_pose, place_frame
+from radiometry.road.placing import Placement
 from radiometry.road.results import RoadResult
 from radiometry.road.site import Meter, Reading, Scale, Site
 from radiometry.specification.application import SurfaceApplication
 from radiometry.spectral import mismatch
-from store.codec import decode, read_applied
+from store.codec import read_applied
 from store.measuring import version
-from store.measuring.roads import read_camera
+from store.measuring.roads import read_placement
 from store.tables import Calibration
 from worker.maps import picture
 from worker.measuring import surface
@@ -81,7 +80,9 @@ class RoadReader:
 
     def read(self, task: Task, geometry: Calibration | None) -> Seen:
         """Read every point of the road that a frame shows whole."""
-        placed, header = _place(task, geometry, self._site), task.header
+        header = task.header
+        size = {"height_px": header.height_px, "width_px": header.width_px}
+        placed = read_placement(task.parameters, geometry, self._site, **size)
         outlines = placed.outline(self._places_m, self._site.receiver_m)
         shown = {
             i: each for i, each in enumerate(outlines) if _is_inside(each, header.width_px, header.height_px)
@@ -186,17 +187,6 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
         spectral_u_rel=spectral_u_rel,
         lamp_kind=lit.lamp_kind if lit else None,
     )
-
-
-def _place(task: Task, geometry: Calibration | None, site: Site) -> Placement:
-    """Place a frame by its marks, else by its own place."""
-    named, header = task.parameters, task.header
-    camera = read_camera(geometry, named, height_px=header.height_px, width_px=header.width_px)
-    if "marks" in named:
-        return place_frame(decode(tuple[Mark, ...], named["marks"]), camera)
-    assert site.origin is not None  # noqa: S101  the plan has seen it
-    u_rel = 0.0 if geometry else NOMINAL_FOCAL_U
-    return place_by_pose(decode(Pose, named["pose"]), site.origin, camera, focal_u_rel=u_rel)
 
 
 def _is_inside(outline: Polygon, width_px: int, height_px: int) -> bool:
