@@ -433,8 +433,7 @@ def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
 
 _OF_REGION = ("pixels", "mean", "median", "saturated_share", "shared_u_cd_m2", "noise_u_cd_m2")
 _EXPANDED = ("effective_dof", "coverage_factor", "expanded_uncertainty_cd_m2")
-_TOLD_APART = ("cell_model", "cells", "u_l", "illuminance_lx")
-_OF_CELLS = [each.name for each in fields(Surface) if each.name not in _TOLD_APART]
+_OF_CELLS = sorted({f.name for f in fields(Surface)} - {"cell_model", "cells", "u_l", "illuminance_lx"})
 
 
 def summarise(result: Mapping[str, Any]) -> Summary:
