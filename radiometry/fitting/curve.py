@@ -9,7 +9,7 @@ import scipy
 from numpy.linalg import LinAlgError
 
 from radiometry.fitting import gls, sources
-from radiometry.fitting.components import Matrix, Vector, index_labels
+from radiometry.fitting.components import Matrix, Problem, Vector, index_labels
 from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_DOF, TAIL_FACTOR, Curve, list_sources
 from radiometry.records import Record
 
@@ -44,6 +44,8 @@ class CurveFit(Record):
     f_number_u_rel: float | None
     # Relative scatter between frames; 0 if the other sources explain the scatter of the points
     scatter_u_rel: float
+    # Relative scatter to expect of a later frame: also where the other sources happen to explain the points
+    later_scatter_u_rel: float
     scatter_errors_rel: Vector  # Predicted error of each point from that scatter, relative, (n,)
     # Prediction of the rate of the dark current relative to its expectation, from dark and light frames
     # together, and its standard uncertainty [DN/s]
@@ -230,6 +232,7 @@ def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_square
         repeatability_u_rel=converged.find_u(READING) if weighed else None,
         f_number_u_rel=converged.find_u(F_NUMBER) if weighed else None,
         scatter_u_rel=converged.find_u(SCATTER),
+        later_scatter_u_rel=_expect_scatter(curve, model, converged),
         scatter_errors_rel=converged.predict_scatter(curve.scatter_weights),
         dark_rate_dn_per_s=rate,
         dark_rate_u_dn_per_s=u_rate,
@@ -241,6 +244,25 @@ def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_square
         log_likelihood=solution.log_likelihood + converged.linear.log_jacobian,
         free_parameters=theta.size + estimated + (not weighed),
     )
+
+
+def _expect_scatter(curve: Curve, model: str, converged: gls.Converged) -> float:
+    """Return the root of the mean variance between frames by what the points show; 0 if they show nothing."""
+    found = converged.find_u(SCATTER)
+    if model == "semilog" or curve.scatter_u_rel is not None:
+        return found
+    if not found:  # points that show no scatter have no outliers either
+        curve = replace(curve, scatter_weights=np.ones_like(curve.scatter_weights))
+    scatter = list_sources(curve, converged.linear, model=model, scattered=True)[-1]
+    pairs = zip(converged.components, converged.solution.variances, strict=True)
+    others = [(part, variance) for part, variance in pairs if part.source != SCATTER]
+    free = [part for part, _ in others if part.variance is None]
+    if not gls.are_separable(converged.linear.design, [*free, scatter]):
+        return found
+    known = (replace(part, variance=variance) for part, variance in others)
+    problem = Problem(converged.linear.design, converged.linear.response, (*known, scatter))
+    variances = np.array([*(variance for _, variance in others), found**2])
+    return math.sqrt(gls.expect_variance(problem, variances))
 
 
 def _square(rows: gls.Rows) -> Matrix:

@@ -94,6 +94,22 @@ def _find_slope(factored: Factored) -> tuple[Vector, Matrix, Matrix]:
     return (moments - found.traces) / 2.0, expected, upper.T @ upper + lower.T @ lower - expected
 
 
+def expect_variance(problem: Problem, variances: Vector) -> float:
+    """Return the mean of the one unknown variance over all from 0 on, its likelihood taken as normal.
+
+    Score and information at ``variances`` are those of a normal distribution of mean m and standard deviation
+    s, of which the part from 0 on has the mean m + s phi(m / s) / Phi(m / s).
+    """
+    slope, information, _ = _find_slope(Factored(problem, variances))
+    found = float(variances[problem.unknown[0]])
+    if information[0, 0] <= 0.0:  # lost in rounding, where shared errors are a million times the points' own
+        return found
+    s = 1.0 / math.sqrt(float(information[0, 0]))
+    m = found + float(slope[0]) * s**2
+    log_share = -((m / s) ** 2 + math.log(2.0 * math.pi)) / 2.0 - float(scipy.special.log_ndtr(m / s))
+    return max(0.0, m + s * math.exp(log_share))
+
+
 def _climb(
     at: Callable[[Vector], Factored], estimates: Vector, sought: NDArray[np.bool_]
 ) -> tuple[Vector, Factored]:

@@ -310,7 +310,7 @@ def report_coefficient(
         signal_range_dn=_range(adjusted),
         rhs_range=_range(rhs),
         vignetting=params.vignetting,
-        frame_scatter_rel=fit.scatter_u_rel or None,
+        frame_scatter_rel=fit.later_scatter_u_rel or None,
         conditions=_find_conditions(used, params),
         errors=_split(fit.predictions[0]) if fit.model != "semilog" else None,
         apertures=tuple(_aperture(each, fit, used, calibration) for each in fit.predictions[1:]) or None,

@@ -7,7 +7,13 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from radiometry.fitting.components import Component, Problem, index_labels
-from radiometry.fitting.gls import are_separable, estimate_variances, leave_groups_out, solve
+from radiometry.fitting.gls import (
+    are_separable,
+    estimate_variances,
+    expect_variance,
+    leave_groups_out,
+    solve,
+)
 
 ONES = np.ones((4, 1))
 
@@ -268,3 +274,18 @@ def test_variances_are_told_apart_where_some_points_share_an_error_and_others_do
     components = [shared(labels, None), independent(1, 1, 1, 1)]
     assert are_separable(ONES, components) is separable
     assert are_separable(ONES, components[1:])
+
+
+def test_variance_to_expect_by_hand():
+    """Five values of noise 1: information (n - 1) / 2 = 2 at no scatter, score (S - (n - 1)) / 2.
+
+    A sum of squares S of 4 is what noise makes, and half of N(0, 1/2) has the mean sqrt(1/2) sqrt(2/pi).
+    """
+    values = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
+    parts = (independent(*np.ones(5)), dataclasses.replace(independent(*np.ones(5)), variance=None))
+    found = [
+        expect_variance(Problem(np.ones((5, 1)), size * values, parts), np.array([1.0, 0.0]))
+        for size in (1.0, 0.0, 3.0)
+    ]
+    # without any scatter m is -1, with S of 36 it is 8, eleven standard deviations above 0
+    assert found == pytest.approx([np.sqrt(1 / np.pi), 0.3195, 8.0], rel=1e-3)
