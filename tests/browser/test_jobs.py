@@ -46,8 +46,8 @@ def test_a_cause_is_dismissed_listed_again_by_a_key_and_tried_again(page, servic
 def test_finished_jobs_are_a_line_for_each_campaign(night_page):
     night_page.goto("/jobs")
     settle(night_page)
-    line = night_page.locator("#recent details").filter(has_text="1 fit")
-    expect(line).to_contain_text(re.compile(r"\d+ frames read.* · median \d+ s"))
+    line = night_page.locator("#recent details").filter(has_text="Luminance")
+    expect(line).to_contain_text(re.compile(r"\d+ fits?, \d+ frames read · median \d+ s"))
     expect(line.get_by_role("table")).to_be_hidden()
     line.locator("summary").click()
     expect(line.get_by_role("table", name="Finished jobs")).to_contain_text("succeeded")

@@ -53,7 +53,7 @@ function drawAnswer(result) {
   fill(byId("exports"), [["report.pdf", "Report (PDF)"], ["points.csv", "CSV"], ["points.geojson", "GeoJSON"]].map(([name, text]) => h("a", { class: "button", href: result.links[name], download: name }, text)));
   fill(byId("figures"), h("dl", { class: "road-figures" }, result.figures.map((each) => h("div", {}, h("dt", {}, NAMES[each.figure][0], " ", sign(each.figure)), h("dd", {}, h("b", {}, withUncertainty(each.value, each.expanded_uncertainty)), each.unit === "1" ? "" : ` ${unit(each.unit)}`)))));
   drawLimits(result);
-  drawMap(result);
+  if (result.map) drawMap(result);
   const rows = result.budget.map((each) => ({ source: each.source, share: each.variance_share, said: percent(each.u_rel) }));
   fill(byId("budget"), budgetBar(rows));
 }
