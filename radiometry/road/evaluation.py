@@ -53,10 +53,10 @@ def evaluate_road(
         raise codes.ROAD_WET.refuse("The road is stated to be wet.")
     places = gather(road, points, readings)
     rows = make_rows(road, places, scale)
-    model, *others = fit_models(places.xy_m, places.trend, rows, patches=road.conditions.patches_u_rel)
+    model, *others = fit_models(places.ground, rows, patches=road.conditions.patches_u_rel)
     field, used = _solve(places, rows, model)
     judged = find_judged(road, points)
-    fields = [solve_field(places.xy_m, places.trend, select_rows(rows, used), each) for each in others]
+    fields = [solve_field(places.ground, select_rows(rows, used), each) for each in others]
     draws = draw_fields(fields, places=len(points), draws=DRAWS)
     means = np.exp(field.mean[: len(points)])
     figures = compute_figures(road, points, judged, draws)
@@ -89,7 +89,7 @@ def _solve(places: Places, rows: Rows, model: Model) -> tuple[Field, NDArray[np.
     used = np.ones(len(rows.values), np.bool_)
     readings = int(np.sum(rows.is_reading))
     while True:
-        field = solve_field(places.xy_m, places.trend, select_rows(rows, used), model)
+        field = solve_field(places.ground, select_rows(rows, used), model)
         ratios = np.abs(field.left) / field.left_u * rows.is_reading[used]
         dropped = len(used) - int(np.sum(used)) + 1
         if not readings or ratios.max() <= _DIFFERS or dropped > _MOST_DROPPED * readings:

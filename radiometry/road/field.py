@@ -8,19 +8,21 @@ gamma from the vertical [1, 2]::
     ln L_j                   = f(x_j) + ln(rho_0 / pi) - r - b1 (1 - cos gamma_j) + p(x_j) + meter + own
 
 f is a Gaussian process about a free mean and a free multiple of ln E of lamps that shine alike in all
-directions: what is left is smoother and smaller than the light itself. r, b1 and all errors have mean 0 and
-the variances that are stated of them. A meter that is behind K and at the points is one error. Patches are
-not light: the field is without them. Its lengths, its size and the scatter of patches are those of the
-largest marginal likelihood of the luminances alone, so that no reading of a meter can change them.
+directions: what is left is smoother and smaller than the light itself, and nearly the same where two places
+lie alike under their nearest luminaires. r, b1 and all errors have mean 0 and the variances that are stated of
+them. A meter that is behind K and at the points is one error. Patches are not light: the field is without
+them. Its lengths, its size, the share that is not alike and the scatter of patches are those of the largest
+marginal likelihood of the luminances alone, so that no reading of a meter can change them.
 
 [1] C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, sections 2.7
 and 5.4
 [2] JCGM 102:2011, doi:10.59161/JCGM102-2011
 """
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,16 +31,33 @@ from numpy.typing import NDArray
 
 from radiometry.records import Record
 from radiometry.road.results import Model
+from radiometry.road.site import Site
 
 Array = NDArray[np.float64]
 
 ANGLE_U = 0.2
 _MEAN_U, _TREND_U = 10.0, 1.0
-USUAL = Model(patches_rel=0.05, along_m=5.0, across_m=5.0, sigma=0.5)
-# of the ln of along, across, sigma and patches
-_WIDE = np.array([1.0, 1.0, 1.0, 1.0])
-_MODELS, _STEP = 24, 0.05
-_BOUNDS = tuple(zip(np.log([1.5, 1.5, 0.05, 0.005]), np.log([30.0, 60.0, 3.0, 0.4]), strict=True))
+USUAL = Model(patches_rel=0.05, patch_m=0.5, along_m=5.0, across_m=7.5, sigma=0.3, unlike=0.03)
+# of the ln of each, in this order
+_WIDE = np.array([1.0, 0.7, 0.5, 0.5, 1.0, 0.5])
+_MODELS, _STEP = 60, 0.05
+_BOUNDS = tuple(
+    zip(np.log([0.005, 0.1, 1.5, 1.5, 0.05, 0.005]), np.log([0.4, 3.0, 30.0, 60.0, 3.0, 0.9]), strict=True)
+)
+_ROWS_NEAR = 2
+
+
+class Ground(NamedTuple):
+    """Places on a road, as they lie under its luminaires."""
+
+    xy_m: Array  # (n, 2)
+    trend: Array  # (n,), ln E of lamps that shine alike in all directions
+    angles: Array  # (n,), their mean of 1 - cos gamma
+    #: Distances along and across from the nearest luminaire of each of the rows nearby, (rows, n, 2) [m]
+    under: Array
+
+    def at(self, places: NDArray[np.intp]) -> "Ground":
+        return Ground(self.xy_m[places], self.trend[places], self.angles[places], self.under[:, places])
 
 
 class Rows(Record):
@@ -69,24 +88,26 @@ class Field(NamedTuple):
     left_u: Array
 
 
-def fit_models(xy_m: Array, trend: Array, rows: Rows, *, patches: float) -> tuple[Model, ...]:
+def fit_models(ground: Ground, rows: Rows, *, patches: float) -> tuple[Model, ...]:
     """Fit lengths, size and patches of the field to the luminances alone.
 
     The first model is the most likely one. The others are drawn from its Laplace approximation, and again by
     their likelihood over that of the approximation: figures then know how well the field is known.
     """
     alone = select_rows(rows, ~rows.is_reading)
-    fixed, usual = _cover(alone), np.log([USUAL.along_m, USUAL.across_m, USUAL.sigma, patches])
+    fixed, seen = _cover(alone), ground.at(alone.places)
+    usual = np.log(list(asdict(replace(USUAL, patches_rel=patches)).values()))
 
     def cost(ln: Array) -> float:
-        covariance = fixed + _vary(_read(ln), xy_m[alone.places], trend[alone.places])
-        covariance[np.diag_indices_from(covariance)] += math.exp(2.0 * ln[3])
+        model = _read(ln)
+        covariance = fixed + _vary(model, seen) + _scatter(model, seen)
         low = np.linalg.cholesky(covariance)
         white = scipy.linalg.solve_triangular(low, alone.values, lower=True)
         prior = float(np.sum(((ln - usual) / _WIDE) ** 2)) / 2.0
         return float(white @ white) / 2.0 + float(np.sum(np.log(np.diag(low)))) + prior
 
-    starts = [usual, usual + np.array([0.5, 0.5, 0.0, -0.5]), usual - np.array([0.5, 0.5, 0.0, 0.0])]
+    smooth, rough = np.array([-0.5, 0.0, 0.5, 0.5, 0.0, 0.0]), np.array([0.0, 0.0, -0.5, -0.5, 0.0, 0.0])
+    starts = [usual, usual + smooth, usual + rough]
     found = [scipy.optimize.minimize(cost, start, method="L-BFGS-B", bounds=_BOUNDS) for start in starts]
     best = min(found, key=lambda each: float(each.fun))
     return _read(best.x), *(_read(each) for each in _draw_models(cost, best.x))
@@ -119,17 +140,18 @@ def select_rows(rows: Rows, kept: NDArray[np.bool_]) -> Rows:
     return replace(rows, **own, shared={source: effect[kept] for source, effect in rows.shared.items()})
 
 
-def solve_field(xy_m: Array, trend: Array, rows: Rows, model: Model) -> Field:
+def solve_field(ground: Ground, rows: Rows, model: Model) -> Field:
     """Solve for ln E at all places, with the contribution of every source to its error."""
-    patches = np.zeros((len(rows.values), len(xy_m)))
-    patches[np.flatnonzero(rows.sees_pavement), rows.places[rows.sees_pavement]] = model.patches_rel
+    count = len(ground.xy_m)
+    patches = np.linalg.cholesky(_scatter(model, ground) + 1e-12 * np.eye(count))[rows.places]
+    patches[~rows.sees_pavement] = 0.0
     of_rows = {
         **rows.shared,
         "patches": patches,
         "points": np.diag(np.where(rows.is_reading, rows.own_u, 0.0)),
         "noise": np.diag(np.where(rows.is_reading, 0.0, rows.own_u)),
     }
-    light = _vary(model, xy_m, trend)
+    light = _vary(model, ground)
     seen = light[:, rows.places]
     covariance = seen[rows.places] + sum(effect @ effect.T for effect in of_rows.values())
     inverse = np.linalg.inv(covariance)
@@ -138,8 +160,8 @@ def solve_field(xy_m: Array, trend: Array, rows: Rows, model: Model) -> Field:
     left = inverse @ rows.values / np.diag(inverse)
     shared = np.concatenate(list(rows.shared.values()), axis=1)
     of_levels = shared.T @ inverse
-    pull = np.eye(len(xy_m)) - _spread(gain, rows.places, len(xy_m))
-    errors["field"] = pull @ np.linalg.cholesky(light + 1e-9 * np.eye(len(xy_m)))
+    pull = np.eye(count) - _spread(gain, rows.places, count)
+    errors["field"] = pull @ np.linalg.cholesky(light + 1e-9 * np.eye(count))
     return Field(
         mean=gain @ rows.values,
         covariance=light - gain @ seen.T,
@@ -163,16 +185,43 @@ def _cover(rows: Rows) -> Array:
     return np.asarray(np.diag(rows.own_u**2) + sum(shared, np.zeros((1, 1))))
 
 
-def _vary(model: Model, xy_m: Array, trend: Array) -> Array:
+def _scatter(model: Model, ground: Ground) -> Array:
+    """Return the covariance of the pavement's patches between places."""
+    x, y = ground.xy_m.T
+    apart = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y))
+    return np.asarray(model.patches_rel**2 * np.exp(-apart / model.patch_m))
+
+
+def _vary(model: Model, ground: Ground) -> Array:
     """Return the prior covariance of ln E between places."""
-    apart = (xy_m[:, None, :] - xy_m[None, :, :]) / (model.along_m, model.across_m)
-    near = model.sigma**2 * np.exp(-np.sum(apart**2, axis=2) / 2.0)
-    return np.asarray(_MEAN_U**2 + _TREND_U**2 * np.outer(trend, trend) + near)
+
+    def resemble(here: Array, there: Array) -> Array:
+        along = np.subtract.outer(here[:, 0], there[:, 0]) / model.along_m
+        across = np.subtract.outer(here[:, 1], there[:, 1]) / model.across_m
+        return np.asarray(np.exp(-(along**2 + across**2) / 2.0))
+
+    # the mean over all pairs of rows, of which each place lies under both
+    pairs = [resemble(here, there) for here, there in itertools.product(ground.under, repeat=2)]
+    alike = sum(pairs[1:], pairs[0]) / len(ground.under)
+    near = (1.0 - model.unlike) * alike + model.unlike * resemble(ground.xy_m, ground.xy_m)
+    return np.asarray(_MEAN_U**2 + _TREND_U**2 * np.outer(ground.trend, ground.trend) + model.sigma**2 * near)
 
 
 def _read(ln: Array) -> Model:
-    along, across, sigma, patches = np.exp(ln).tolist()
-    return Model(patches_rel=patches, along_m=along, across_m=across, sigma=sigma)
+    return Model(**dict(zip(asdict(USUAL), np.exp(ln).tolist(), strict=True)))
+
+
+def lay_ground(site: Site, xy_m: Array) -> Ground:
+    """Find how places, (n, 2) [m], lie under the luminaires of a site."""
+    trend, angles = light_evenly(xy_m, np.array(site.list_lamps()))
+    under = []
+    for row in site.rows:
+        turns = (xy_m[:, 0] - row.first_x_m) / row.spacing_m
+        across = (xy_m[:, 1] - row.y_m) * (1.0 if xy_m[:, 1].mean() >= row.y_m else -1.0)
+        under.append(np.stack([np.abs(turns - np.round(turns)) * row.spacing_m, across], axis=1))
+    found = np.stack(under)
+    nearest = np.argsort(np.abs(found[:, :, 1]), axis=0, kind="stable")[:_ROWS_NEAR]
+    return Ground(xy_m, trend, angles, np.take_along_axis(found, nearest[:, :, None], axis=0))
 
 
 def light_evenly(places_m: Array, lamps_m: Array) -> tuple[Array, Array]:

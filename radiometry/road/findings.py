@@ -70,7 +70,7 @@ def _flag_points(found: Found) -> Iterator[Raised]:
     if len(used) < FEWEST_POINTS:
         yield codes.ROAD_POINTS_FEW.at("", f"{len(used)} control points are used.")
         return
-    (low, high), xy = found.road.site.field_m, found.places.xy_m
+    (low, high), xy = found.road.site.field_m, found.places.ground.xy_m
     lit = xy[: len(xy) - len(found.road.control)]
     for axis, name, ends in ((0, "along", (low, high)), (1, "across", (lit[:, 1].min(), lit[:, 1].max()))):
         middle = sum(ends) / 2.0

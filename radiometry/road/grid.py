@@ -1,6 +1,7 @@
 """Points of a grid on lanes, walkways and areas, and the squares around them."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from radiometry.road.site import PLACES_M, Area, Site, Strip
 
 Array = NDArray[np.float64]
 MOST_POINTS = 2500
+_SAME_M = 1e-6
 _MOST_ROWS, _FEWEST_CORNERS = 50, 3
 
 
@@ -73,11 +75,16 @@ def inside(edge: str) -> str:
     return f"{edge} (inside)"
 
 
-def outline_points(places_m: Array, side_m: float) -> Array:
-    """Return the corners of the squares around places on the road, (n, 4, 2) [m]."""
-    return places_m[:, None, :] + side_m / 2.0 * np.array(
-        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-    )
+def outline_points(places_m: Array, sides_m: Array) -> Array:
+    """Return the corners of rectangles of these sides, (n, 2), around places on the road: (n, 4, 2) [m]."""
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    return places_m[:, None, :] + sides_m[:, None, :] * corners
+
+
+def find_distance(places_m: Iterable[float]) -> float:
+    """Return the least distance between different places on one axis; 0 of one place."""
+    apart = np.diff(sorted(places_m))
+    return float(np.min(apart[apart > _SAME_M], initial=math.inf)) if np.any(apart > _SAME_M) else 0.0
 
 
 def _check(site: Site) -> None:

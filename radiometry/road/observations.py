@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.road import codes
-from radiometry.road.field import ANGLE_U, Rows, light_evenly
-from radiometry.road.grid import GridPoint
+from radiometry.road.field import ANGLE_U, Ground, Rows, lay_ground, light_evenly
+from radiometry.road.grid import GridPoint, find_distance
 from radiometry.road.site import UNCERTIFIED_U, ControlPoint, Reading, Road, Scale
 
 Array = NDArray[np.float64]
@@ -18,6 +18,8 @@ Indices = NDArray[np.intp]
 
 # Of the pavement, where its luminance factor is not stated: dark asphalt to light concrete
 _USUAL_RHO, _USUAL_RHO_U = 0.13, 0.4
+_ALONG_SHARE, _ACROSS_SHARE = 2.0 / 3.0, 0.5
+_STEPS = (np.arange(5) - 2.0) / 5.0  # Middles of the fifths of a side
 _LN_SLOPE_PER_M = 0.1  # Usual slope of ln E
 # Groups of lamps: least distance of their ln R/G, in itself and in what each scatters, and least share
 _APART, _APART_SCATTER, _LEAST_SHARE = 0.25, 4.0, 0.1
@@ -55,38 +57,67 @@ def _average(found: Sequence[Reading]) -> Seen:
     )
 
 
+class Cells(NamedTuple):
+    """Grid points and control points, and the rectangles over which their luminances are averaged."""
+
+    names: tuple[str, ...]
+    parts: tuple[str, ...]
+    xy_m: Array  # (n, 2)
+    sides_m: Array  # (n, 2)
+    #: Mean over the rectangle, over its middle, of the light of lamps that shine alike in all directions, (n,)
+    brighter: Array
+
+
+def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
+    """Lay rectangles around grid points and control points: patches of the pavement average out in them.
+
+    They take two thirds of a point's share along and half of it across, off the edges of lanes, and at least
+    a receiver's width.
+
+    Parameters
+    ----------
+    road : Road
+        All that was stated.
+    points : sequence of GridPoint
+        Grid, as `lay_points` lays it.
+    """
+    xy = np.array([(p.x_m, p.y_m) for p in (*points, *road.control)], np.float64)
+    apart = np.sum((xy[len(points) :, None] - xy[None, : len(points)]) ** 2, axis=2)
+    near = [points[n].part for n in np.argmin(apart, axis=1)]
+    parts = [p.part for p in points] + [c.part or part for c, part in zip(road.control, near, strict=True)]
+    found: dict[str, tuple[float, float]] = {}
+    for part in set(parts):
+        ours = [p for p in points if p.part == part]
+        along, across = (find_distance(getattr(p, axis) for p in ours) for axis in ("x_m", "y_m"))
+        found[part] = _ALONG_SHARE * along, _ACROSS_SHARE * across
+    sides = np.maximum([found[part] for part in parts], road.site.receiver_m)
+    inside = np.stack(np.meshgrid(_STEPS, _STEPS), axis=-1).reshape(-1, 1, 2)
+    lamps = np.array(road.site.list_lamps())
+    light = np.exp(light_evenly((xy + inside * sides).reshape(-1, 2), lamps)[0]).reshape(len(inside), -1)
+    brighter = light.mean(axis=0) / np.exp(light_evenly(xy, lamps)[0])
+    names = [p.name for p in (*points, *road.control)]
+    return Cells(tuple(names), tuple(parts), xy, sides, brighter)
+
+
 class Places(NamedTuple):
     """Grid points and control points of a road, in this order, with what was seen of each."""
 
     names: tuple[str, ...]
-    xy_m: Array
+    ground: Ground
     surfaces: tuple[str, ...]
-    trend: Array  # ln E of lamps that shine alike everywhere
-    angles: Array  # 1 - cos gamma
     seen: tuple[Seen | None, ...]
     lamps: NDArray[np.intp]  # group of lamps by colour
 
 
 def gather(road: Road, points: Sequence[GridPoint], readings: Sequence[Reading]) -> Places:
-    control = road.control
-    seen, hidden = average_frames(readings), set(road.hidden)
-    names = [each.name for each in points] + [each.name for each in control]
-    xy = np.array([(p.x_m, p.y_m) for p in points] + [(c.x_m, c.y_m) for c in control], np.float64)
-    nearest = [
-        points[int(np.argmin(np.sum((xy[: len(points)] - (c.x_m, c.y_m)) ** 2, axis=1)))].part
-        for c in control
-    ]
-    parts = [p.part for p in points] + [c.part or near for c, near in zip(control, nearest, strict=True)]
-    known = tuple(None if name in hidden else seen.get(name) for name in names)
+    seen, hidden, cells = average_frames(readings), set(road.hidden), lay_cells(road, points)
+    known = tuple(None if name in hidden else seen.get(name) for name in cells.names)
     if sum(each is not None for each in known[: len(points)]) < len(points) / 2:
         raise codes.ROAD_NOT_SEEN.refuse("Less than half of the points of the grid are seen.")
-    trend, angles = light_evenly(xy, np.array(road.site.list_lamps()))
     return Places(
-        names=tuple(names),
-        xy_m=xy,
-        surfaces=tuple(road.site.find_surface(part) for part in parts),
-        trend=trend,
-        angles=angles,
+        names=cells.names,
+        ground=lay_ground(road.site, cells.xy_m),
+        surfaces=tuple(road.site.find_surface(part) for part in cells.parts),
         seen=known,
         lamps=split_lamps([None if each is None else each.ln_colour for each in known]),
     )
@@ -155,7 +186,7 @@ def _share_errors(
         "lamp spectrum": scale.spectral_u_rel * by_camera[:, None] * of_lamps,
         "meter": of_meters,
         "reflectance": -rho_u * sees[:, None] * of_pavement,
-        "angle": -ANGLE_U * (sees * places.angles[index])[:, None],
+        "angle": -ANGLE_U * (sees * places.ground.angles[index])[:, None],
     }
 
 

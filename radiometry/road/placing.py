@@ -93,9 +93,9 @@ class Placement(Record):
         unbent = map_plane(self.camera.matrix, ideal)
         return np.asarray(np.where(is_bent[:, None], seen.reshape(-1, 2), unbent) + 0.5, np.float64)
 
-    def outline(self, places_m: Array, side_m: float) -> tuple[Polygon, ...]:
-        """Return the images of squares around places on the road."""
-        corners = outline_points(places_m, side_m)
+    def outline(self, places_m: Array, sides_m: Array) -> tuple[Polygon, ...]:
+        """Return the images of rectangles around places on the road."""
+        corners = outline_points(places_m, sides_m)
         seen = self.to_image(corners.reshape(-1, 2)).reshape(corners.shape)
         return tuple(Polygon.from_points(each) for each in cast("list[list[list[float]]]", seen.tolist()))
 

@@ -158,4 +158,4 @@ def _foresee(road: Road, points: Sequence[GridPoint], light: Mapping[str, float]
     places = gather(bare, points, seen)
     rows = make_rows(bare, places, Scale(u_rel=0.025))
     model = replace(USUAL, patches_rel=road.conditions.patches_u_rel)
-    return rows, solve_field(places.xy_m, places.trend, rows, model)
+    return rows, solve_field(places.ground, rows, model)

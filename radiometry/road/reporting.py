@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.road import codes
 from radiometry.road.field import ANGLE_U, Field, Rows
-from radiometry.road.grid import GridPoint
+from radiometry.road.grid import GridPoint, find_distance
 from radiometry.road.observations import Places
 from radiometry.road.results import (
     ControlResult,
@@ -114,7 +114,7 @@ def report_scales(places: Places, rows: Rows, field: Field) -> tuple[ScaleResult
 
 def describe_grid(points: Sequence[GridPoint], judged: NDArray[np.intp], places: Places) -> GridResult:
     ours = [points[n] for n in judged]
-    along, across = (_find_distance({getattr(each, axis) for each in ours}) for axis in ("x_m", "y_m"))
+    along, across = (find_distance(getattr(p, axis) for p in ours) or 1.0 for axis in ("x_m", "y_m"))
     seen = [found for n in judged if (found := places.seen[n]) is not None]
     return GridResult(
         points=len(ours),
@@ -126,12 +126,6 @@ def describe_grid(points: Sequence[GridPoint], judged: NDArray[np.intp], places:
         place_limit_m=min(along, across) / 3.0,
         view_deg=max((each.view_deg for each in seen), default=0.0),
     )
-
-
-def _find_distance(places_m: set[float]) -> float:
-    apart = np.diff(sorted(places_m))
-    apart = apart[apart > 1e-6]
-    return float(apart.min()) if len(apart) else 1.0
 
 
 def share_out(field: Field, judged: NDArray[np.intp], weights: Array) -> tuple[Share, ...]:

@@ -54,7 +54,9 @@ class PointResult(GridPoint):
 
     illuminance_lx: float = about("E [lx], without the pavement's patches.")
     u_rel: float = about("Relative standard uncertainty.")
-    luminance_cd_m2: float | None = about("As seen, the mean of its frames; None if it was not seen.")
+    luminance_cd_m2: float | None = about(
+        "As seen about it, the mean of its frames; None if it was not seen."
+    )
     is_hidden: bool = about("True if a person left it out, or no frame shows it.")
 
 
@@ -109,9 +111,11 @@ class Model(Record):
     """The fitted field of ln E."""
 
     patches_rel: float = about("Scatter of the pavement from place to place.")
+    patch_m: float = about("Length over which patches resemble each other [m].", default=1e-3)
     along_m: float = about("Length over which the light changes along [m].")
     across_m: float = about("Length over which the light changes across [m].")
     sigma: float = about("Standard deviation of ln E over such lengths.")
+    unlike: float = about("Share of its variance that is not the same under all luminaires.", default=1.0)
 
 
 class RoadResult(Record):

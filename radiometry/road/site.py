@@ -214,7 +214,7 @@ class Reading(Record):
 
     place: str  #: Name of the grid point or control point
     frame: str
-    luminance_cd_m2: float
+    luminance_cd_m2: float  #: Mean about the place, over what lamps that shine alike make of it there
     u_rel: float  #: Relative standard uncertainty of this reading's own noise
     view_deg: float  #: Angle between the view and the vertical
     place_u_m: float  #: Standard uncertainty of its place on the road

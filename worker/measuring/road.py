@@ -14,6 +14,7 @@ from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.methods import get_method
 from radiometry.records import Record
+from radiometry.road.observations import Cells
 from radiometry.road.placing import Placement
 from radiometry.road.results import RoadResult
 from radiometry.road.site import Meter, Reading, Scale, Site
@@ -34,7 +35,7 @@ _MARGIN_M: Final = 5.0
 _MOST_PX: Final = 1200
 _FINEST_M: Final = 0.05
 _LEAST_KNOWN: Final = 0.99
-"""Share of a square's pixels that are not saturated."""
+"""Share of a rectangle's pixels that are not saturated."""
 
 
 class View(Record):
@@ -70,9 +71,8 @@ class Seen(Record):
 class RoadReader:
     """Reads the frames of a road; what frames of one setting share is found once."""
 
-    def __init__(self, site: Site, places_m: Mapping[str, tuple[float, float]], conditions: Any) -> None:  # noqa: ANN401
-        self._site = site
-        self._names, self._places_m = list(places_m), np.array(list(places_m.values()), np.float64)
+    def __init__(self, site: Site, cells: Cells, conditions: Any) -> None:  # noqa: ANN401
+        self._site, self._cells = site, cells
         self._conditions = conditions
         self.view = lay_view(site)
         self._measured: dict[Any, Any] = {}
@@ -83,7 +83,7 @@ class RoadReader:
         header = task.header
         size = {"height_px": header.height_px, "width_px": header.width_px}
         placed = read_placement(task.parameters, geometry, self._site, **size)
-        outlines = placed.outline(self._places_m, self._site.receiver_m)
+        outlines = placed.outline(self._cells.xy_m, self._cells.sides_m)
         shown = {
             i: each for i, each in enumerate(outlines) if _is_inside(each, header.width_px, header.height_px)
         }
@@ -128,7 +128,7 @@ class RoadReader:
         shown: Mapping[int, Polygon],
         placed: Placement,
     ) -> Any:  # noqa: ANN401  a generator
-        views, places_u_m = placed.find_views(self._places_m), placed.estimate_u_m(self._places_m)
+        views, places_u_m = placed.find_views(self._cells.xy_m), placed.estimate_u_m(self._cells.xy_m)
         for i, outline in shown.items():
             part = bounding_window(outline, height_px=frame.height_px, width_px=frame.width_px)
             row0, col0 = part.row0 - frame.row0, part.col0 - frame.col0
@@ -139,9 +139,9 @@ class RoadReader:
             if len(known) < _LEAST_KNOWN * len(values) or not (mean := float(known.mean())) > 0.0:
                 continue
             yield Reading(
-                place=self._names[i],
+                place=self._cells.names[i],
                 frame=task.frame.id,
-                luminance_cd_m2=mean,
+                luminance_cd_m2=mean / float(self._cells.brighter[i]),
                 u_rel=float(known.std()) / math.sqrt(len(known)) / mean,
                 view_deg=float(views[i]),
                 place_u_m=float(places_u_m[i]),

@@ -9,6 +9,7 @@ from radiometry.findings import InputRejected, files
 from radiometry.road import codes
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import lay_points
+from radiometry.road.observations import lay_cells
 from radiometry.road.rules import find_rule
 from radiometry.road.site import Road as StatedRoad
 from store import jobs
@@ -26,13 +27,12 @@ def evaluate(context: Context, claim: jobs.Claim) -> Outcome:
     plan = claim.parameters
     stated = decode(StatedRoad, plan["road"])
     points = lay_points(stated.site, find_rule(stated.requirement.rule).grid)
-    places = {each.name: (each.x_m, each.y_m) for each in (*points, *stated.control)}
     conditions = {
         name: plan["road"]["conditions"][column]
         for name, column in (("lamp_kind", "lamp_kind"), ("mains_frequency_hz", "mains_frequency_hz"))
         if plan["road"]["conditions"].get(column) is not None
     }
-    reader = RoadReader(stated.site, places, conditions)
+    reader = RoadReader(stated.site, lay_cells(stated, points), conditions)
     seen = []
     for number, each in enumerate(plan["frames"], start=1):
         seen.append(_read_frame(context, reader, each))

@@ -3,7 +3,8 @@ camera and a lux meter, each with errors that are known.
 
     I(C, gamma)   a table every 5 degrees, a spline between them
     E             = sum of I cos^3 gamma / H^2 over the luminaires
-    L             = rho / pi (1 + b1' (1 - cos gamma)) E, each lamp on its own, times the patch of the place
+    L             = rho / pi (1 + b1' (1 - cos gamma)) E, each lamp on its own, times the patch of the place;
+                    patches are squares of .3 to 2 m
 """
 
 import dataclasses
@@ -14,6 +15,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import GridPoint, lay_points
+from radiometry.road.observations import lay_cells
 from radiometry.road.rules import find_rule
 from radiometry.road.site import (
     Conditions,
@@ -140,15 +142,11 @@ def survey(
     """The road as the worker and a person state it, the readings, and E on the grid."""
     points = lay_points(truth.site, find_rule(EN).grid)
     places = place_points(points, count)
-    xy = np.array([(p.x_m, p.y_m) for p in points] + places)
-    e, luminance = truth.light(xy)
+    e, _ = truth.light(np.array([(p.x_m, p.y_m) for p in points] + places))
     meter = 0.02 * random.standard_normal()
     of_k = meter if same_meter else 0.02 * random.standard_normal()
     shown = scale.u_rel * random.standard_normal() + of_k + math.log(truth.lamp)
     shown += spectral * random.standard_normal()
-    seen = luminance * np.exp(
-        shown + truth.patches * random.standard_normal(len(xy)) + noise * random.standard_normal(len(xy))
-    )
     read = e[len(points) :] * np.exp(meter + 0.03 * random.standard_normal(count))
     if wrong is not None:
         read[wrong] *= random.choice([0.5, 2.0])
@@ -172,12 +170,23 @@ def survey(
     )
     if same_meter:
         scale = dataclasses.replace(scale, meter=Meter(meter="lux", u_rel=0.02))
-    names = [p.name for p in points] + [c.name for c in control]
+    cells = lay_cells(road, points)
+    seen = look(truth, cells, random) * np.exp(shown + noise * random.standard_normal(len(cells.names)))
     readings = [
         Reading(place=n, frame="a", luminance_cd_m2=float(v), u_rel=noise, view_deg=10.0, place_u_m=0.0)
-        for n, v in zip(names, seen, strict=True)
+        for n, v in zip(cells.names, seen, strict=True)
     ]
     return road, points, readings, scale, e[: len(points)]
+
+
+def look(truth, cells, random):
+    """Mean luminance of each rectangle, brought to its middle as the worker does."""
+    steps = (np.arange(7) - 3.0) / 7.0
+    spots = cells.xy_m + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2) * cells.sides_m
+    field, size_m = random.standard_normal((400, 400)), random.uniform(0.3, 2.0)
+    patches = truth.patches * field[tuple(np.floor(spots / size_m).astype(int).T % 400)].T
+    _, luminance = truth.light(spots.reshape(-1, 2))
+    return np.mean(luminance.reshape(patches.shape) * np.exp(patches), axis=0) / cells.brighter
 
 
 def measure_road(seed):

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.road.evaluation import evaluate_road
-from radiometry.road.field import Rows, light_evenly, solve_field
+from radiometry.road.field import Ground, Rows, light_evenly, solve_field
 from radiometry.road.results import Model
 from radiometry.road.site import Conditions, Criterion, Meter, Strip
 from tests.radiometry.road.simulated import SCALE, draw_road, survey
@@ -54,7 +54,7 @@ def test_scale_by_control_points_is_that_of_the_table(count, other, same):
         )
         far = np.column_stack([1e3 * np.arange(count), np.zeros(count)])
         model = Model(patches_rel=1e-6, along_m=1.0, across_m=1.0, sigma=100.0)
-        covariance = solve_field(far, np.zeros(len(far)), rows, model).levels[1]
+        covariance = solve_field(Ground(far, far[:, 1], far[:, 1], far[None]), rows, model).levels[1]
         weights = np.array([own_k[0, 0], behind_k])
         assert math.sqrt(weights @ covariance @ weights) == pytest.approx(expected, abs=6e-5)
 
