@@ -62,6 +62,10 @@ ROAD_VIEW_STEEP = flag_measurement(
     "The road is seen from more than 20 degrees off the vertical, where pavement is not matt.",
     "Fly higher or straight above the field.",
 )
+ROAD_FALLOFF_ASSUMED = flag_measurement(
+    "The falloff of the lens is not corrected: a usual one is assumed, with its uncertainty.",
+    "Calibrate vignetting with flat fields and fit K with it, or fly higher, so that the field is smaller.",
+)
 ROAD_PLACE_UNSURE = flag_measurement(
     "The places of the points are less certain than a third of their distance.",
     "Mark four or more points of the road around the field in every frame, and measure their places better.",

@@ -8,11 +8,11 @@ gamma from the vertical [1, 2]::
     ln L_j                   = f(x_j) + ln(rho_0 / pi) - r - b1 (1 - cos gamma_j) + p(x_j) + meter + own
 
 f is a Gaussian process about a free mean and a free multiple of ln E of lamps that shine alike in all
-directions: what is left is smoother and smaller than the light itself, and nearly the same where two places
-lie alike under their nearest luminaires. r, b1 and all errors have mean 0 and the variances that are stated of
+directions: what is left is smoother and smaller than the light itself, and nearly the same at places that lie
+alike under their nearest luminaires. r, b1 and all errors have mean 0 and the variances that are stated of
 them. A meter that is behind K and at the points is one error. Patches are not light: the field is without
-them. Its lengths, its size, the share that is not alike and the scatter of patches are those of the largest
-marginal likelihood of the luminances alone, so that no reading of a meter can change them.
+them; near places share them. Lengths and sizes of the field and of patches are those of the largest marginal
+likelihood of the luminances alone, so that no reading of a meter can change them.
 
 [1] C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, sections 2.7
 and 5.4
@@ -20,7 +20,6 @@ and 5.4
 """
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import NamedTuple

@@ -45,6 +45,8 @@ def _flag_conditions(found: Found) -> Iterator[Raised]:
     if kinds[0] and kinds[1] and kinds[0] != kinds[1]:
         named = [LABELS[kind] for kind in kinds if kind]
         yield codes.ROAD_LAMPS_DIFFER.at("", f"K: {named[0]}; road: {named[1]}.")
+    if scale.falls_off:
+        yield codes.ROAD_FALLOFF_ASSUMED.at("", "cos⁴ to the power of 0.5 ± 0.5 is assumed.")
     if found.road.requirement.confirmed is None:
         yield codes.ROAD_RULE_UNCONFIRMED.at("", f"{found.road.requirement.rule}.")
 

@@ -78,7 +78,7 @@ def inside(edge: str) -> str:
 def outline_points(places_m: Array, sides_m: Array) -> Array:
     """Return the corners of rectangles of these sides, (n, 2), around places on the road: (n, 4, 2) [m]."""
     corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
-    return places_m[:, None, :] + sides_m[:, None, :] * corners
+    return np.asarray(places_m[:, None, :] + sides_m[:, None, :] * corners)
 
 
 def find_distance(places_m: Iterable[float]) -> float:

@@ -20,6 +20,8 @@ Indices = NDArray[np.intp]
 _USUAL_RHO, _USUAL_RHO_U = 0.13, 0.4
 _ALONG_SHARE, _ACROSS_SHARE = 2.0 / 3.0, 0.5
 _STEPS = (np.arange(5) - 2.0) / 5.0  # Middles of the fifths of a side
+# Of a lens whose falloff is not corrected, as a power of cos^4
+_FALLOFF, _FALLOFF_U = 0.5, 0.5
 _LN_SLOPE_PER_M = 0.1  # Usual slope of ln E
 # Groups of lamps: least distance of their ln R/G, in itself and in what each scatters, and least share
 _APART, _APART_SCATTER, _LEAST_SHARE = 0.25, 4.0, 0.1
@@ -34,6 +36,7 @@ class Seen(NamedTuple):
     place_u_m: float
     view_deg: float
     ln_colour: float | None  # of R/G
+    ln_falloff: float  # of cos^4
 
 
 def average_frames(readings: Sequence[Reading]) -> dict[str, Seen]:
@@ -47,6 +50,7 @@ def average_frames(readings: Sequence[Reading]) -> dict[str, Seen]:
 
 def _average(found: Sequence[Reading]) -> Seen:
     colours = [math.log(each.colour[0]) for each in found if each.colour is not None]
+    falloffs = 4.0 * np.log(np.cos(np.radians([each.off_axis_deg for each in found])))
     return Seen(
         ln_luminance=float(np.mean([math.log(each.luminance_cd_m2) for each in found])),
         own_u=math.sqrt(sum(each.u_rel**2 for each in found)) / len(found),
@@ -54,6 +58,7 @@ def _average(found: Sequence[Reading]) -> Seen:
         place_u_m=max(each.place_u_m for each in found),
         view_deg=max(each.view_deg for each in found),
         ln_colour=float(np.mean(colours)) if colours else None,
+        ln_falloff=float(falloffs.mean()),
     )
 
 
@@ -64,7 +69,7 @@ class Cells(NamedTuple):
     parts: tuple[str, ...]
     xy_m: Array  # (n, 2)
     sides_m: Array  # (n, 2)
-    #: Mean over the rectangle, over its middle, of the light of lamps that shine alike in all directions, (n,)
+    #: Mean over the rectangle, over its middle, of the light of lamps that shine alike, (n,)
     brighter: Array
 
 
@@ -81,7 +86,7 @@ def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
     points : sequence of GridPoint
         Grid, as `lay_points` lays it.
     """
-    xy = np.array([(p.x_m, p.y_m) for p in (*points, *road.control)], np.float64)
+    xy = np.array([(p.x_m, p.y_m) for p in points] + [(c.x_m, c.y_m) for c in road.control], np.float64)
     apart = np.sum((xy[len(points) :, None] - xy[None, : len(points)]) ** 2, axis=2)
     near = [points[n].part for n in np.argmin(apart, axis=1)]
     parts = [p.part for p in points] + [c.part or part for c, part in zip(road.control, near, strict=True)]
@@ -95,8 +100,8 @@ def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
     lamps = np.array(road.site.list_lamps())
     light = np.exp(light_evenly((xy + inside * sides).reshape(-1, 2), lamps)[0]).reshape(len(inside), -1)
     brighter = light.mean(axis=0) / np.exp(light_evenly(xy, lamps)[0])
-    names = [p.name for p in (*points, *road.control)]
-    return Cells(tuple(names), tuple(parts), xy, sides, brighter)
+    names = (*(p.name for p in points), *(c.name for c in road.control))
+    return Cells(names, tuple(parts), xy, sides, brighter)
 
 
 class Places(NamedTuple):
@@ -135,7 +140,9 @@ def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
     index = np.array(at + [n for n, _ in read], np.intp)
     is_reading = np.arange(len(index)) >= len(at)
     sees = np.concatenate([np.ones(len(at), np.bool_), is_luminance])
-    values = [each.ln_luminance for each in seen] + [each.ln_mean for _, each in read]
+    falloff = _FALLOFF if scale.falls_off else 0.0
+    values = [each.ln_luminance - falloff * each.ln_falloff for each in seen]
+    values += [each.ln_mean for _, each in read]
     meters = tuple(sorted({each.meter for _, each in read} | ({scale.meter.meter} if scale.meter else set())))
     return Rows(
         values=np.array(values) - np.where(sees, flat, 0.0),
@@ -187,7 +194,13 @@ def _share_errors(
         "meter": of_meters,
         "reflectance": -rho_u * sees[:, None] * of_pavement,
         "angle": -ANGLE_U * (sees * places.ground.angles[index])[:, None],
+        **({"falloff": _find_falloff(places, len(index))} if scale.falls_off else {}),
     }
+
+
+def _find_falloff(places: Places, rows: int) -> Array:
+    errors = [_FALLOFF_U * each.ln_falloff for each in places.seen if each is not None]
+    return np.pad(errors, (0, rows - len(errors)))[:, None]
 
 
 def split_lamps(ln_colours: Sequence[float | None]) -> Indices:

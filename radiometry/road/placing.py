@@ -115,6 +115,10 @@ class Placement(Record):
         back = np.linalg.inv(_differentiate_places(self.h, places_m))
         return np.asarray(back @ spread @ back.transpose(0, 2, 1), np.float64)
 
+    def find_off_axis(self, places_m: Array) -> Array:
+        """Compute the angles between the view of places and the lens's axis, (n,) [deg]."""
+        return np.asarray(np.degrees(np.arctan(np.hypot(*map_plane(self.h, places_m).T))), np.float64)
+
     def find_views(self, places_m: Array) -> Array:
         """Compute the angles between the view of places and the vertical of the road, (n,) [deg].
 

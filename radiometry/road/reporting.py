@@ -24,7 +24,14 @@ from radiometry.road.site import LANES, Road
 Array = NDArray[np.float64]
 
 # Sources that a reader sees as one
-_NAMES = {"patches": "pavement", "field": "pavement", "noise": "camera", "frames": "camera"}
+_NAMES = {
+    "patches": "pavement",
+    "field": "pavement",
+    "noise": "camera",
+    "frames": "camera",
+    "falloff": "lens",
+}
+_UNEVEN = ("angle", "falloff", "frames")
 
 
 def find_judged(road: Road, points: Sequence[GridPoint]) -> NDArray[np.intp]:
@@ -92,7 +99,7 @@ def report_scales(places: Places, rows: Rows, field: Field) -> tuple[ScaleResult
         # ln E - ln L is less what a luminance of this pavement contains, but for the angle
         weights = np.concatenate(
             [
-                np.zeros(effect.shape[1]) if source in ("angle", "frames") else -effect[ours].mean(axis=0)
+                np.zeros(effect.shape[1]) if source in _UNEVEN else -effect[ours].mean(axis=0)
                 for source, effect in rows.shared.items()
             ]
         )

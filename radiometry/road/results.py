@@ -89,7 +89,7 @@ class ScaleResult(Record):
 class Share(Record):
     """Contribution of one source to the variance of a figure."""
 
-    source: str = about('"camera", "lamp spectrum", "pavement", "angle", "meter", "points" or "field".')
+    source: str = about('"camera", "lens", "lamp spectrum", "pavement", "angle", "meter" or "points".')
     u_rel: float
     variance_share: float
 

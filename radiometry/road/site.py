@@ -219,6 +219,7 @@ class Reading(Record):
     view_deg: float  #: Angle between the view and the vertical
     place_u_m: float  #: Standard uncertainty of its place on the road
     colour: tuple[float, float] | None = None  #: R/G and B/G above dark
+    off_axis_deg: float = 0.0  #: Angle between the view and the lens's axis
 
 
 class Scale(Record):
@@ -230,6 +231,7 @@ class Scale(Record):
     spectral_u_rel: float = 0.1  #: Relative standard uncertainty of the spectral mismatch
     lamp_kind: LampKind | None = None  #: Of the lamp that K was made with
     frame_u_rel: float = 0.0  #: Scatter of a frame's luminances as a whole, each on its own
+    falls_off: bool = False  #: True where the falloff of the lens is not corrected
 
     @property
     def total_u_rel(self) -> float:

@@ -128,6 +128,7 @@ class RoadReader:
         shown: Mapping[int, Polygon],
         placed: Placement,
     ) -> Any:  # noqa: ANN401  a generator
+        off_axis = placed.find_off_axis(self._cells.xy_m)
         views, places_u_m = placed.find_views(self._cells.xy_m), placed.estimate_u_m(self._cells.xy_m)
         for i, outline in shown.items():
             part = bounding_window(outline, height_px=frame.height_px, width_px=frame.width_px)
@@ -146,12 +147,14 @@ class RoadReader:
                 view_deg=float(views[i]),
                 place_u_m=float(places_u_m[i]),
                 colour=_read_colour(frame, cut, inside),
+                off_axis_deg=float(off_axis[i]),
             )
 
 
 def choose_scale(scales: Sequence[Scale]) -> Scale:
     """Return the scale of the largest uncertainty."""
-    return max(scales, key=lambda each: each.total_u_rel)
+    widest = max(scales, key=lambda each: each.total_u_rel)
+    return replace(widest, falls_off=any(each.falls_off for each in scales))
 
 
 def draw_road(view: View, luminances: Sequence[Array], result: RoadResult) -> tuple[bytes, dict[str, Any]]:
@@ -186,6 +189,7 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
         meter=Meter(meter=min(named, default="the meter of K"), u_rel=meter_u_rel or None),
         spectral_u_rel=spectral_u_rel,
         lamp_kind=lit.lamp_kind if lit else None,
+        falls_off=measured.vignetting == "none",
     )
 
 

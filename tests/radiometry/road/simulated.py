@@ -138,6 +138,7 @@ def survey(
     limit_at_truth=False,
     rho_u=0.15,
     noise=0.002,
+    above_m=None,
 ):
     """The road as the worker and a person state it, the readings, and E on the grid."""
     points = lay_points(truth.site, find_rule(EN).grid)
@@ -172,9 +173,21 @@ def survey(
         scale = dataclasses.replace(scale, meter=Meter(meter="lux", u_rel=0.02))
     cells = lay_cells(road, points)
     seen = look(truth, cells, random) * np.exp(shown + noise * random.standard_normal(len(cells.names)))
+    off_axis = np.zeros(len(seen))
+    if above_m is not None:  # a lens with the falloff of cos^4, over the middle of the field
+        low, high = truth.site.field_m
+        off_axis = np.arctan(np.hypot(*(cells.xy_m - ((low + high) / 2.0, 3.5)).T) / above_m)
     readings = [
-        Reading(place=n, frame="a", luminance_cd_m2=float(v), u_rel=noise, view_deg=10.0, place_u_m=0.0)
-        for n, v in zip(cells.names, seen, strict=True)
+        Reading(
+            place=n,
+            frame="a",
+            luminance_cd_m2=float(v * np.cos(angle) ** 4),
+            u_rel=noise,
+            view_deg=10.0,
+            place_u_m=0.0,
+            off_axis_deg=float(np.degrees(angle)),
+        )
+        for n, v, angle in zip(cells.names, seen, off_axis, strict=True)
     ]
     return road, points, readings, scale, e[: len(points)]
 
