@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from store.database import Conflict
 from store.publications import in_force, publish, revoke
 from store.queries.calibrations import read_version_statuses
-from store.tables import Calibration, Publication, utc_now
+from store.tables import Calibration, Publication, Revocation, utc_now
 from tests.support.versions import add_versions, find_held
 
 JAN, MAR, JUN, SEP = (datetime(2026, month, 1, tzinfo=UTC) for month in (1, 3, 6, 9))
@@ -62,6 +62,17 @@ def test_what_was_published_before_the_clock_was_set_back_is_in_force(database, 
         decide(database, version, JAN)
         assert held(database, version, MAR) == (1 if version == one else 2)
     assert held(database, one, MAR, known_at=utc_now()) is None
+
+
+def test_a_draft_that_was_revoked_before_the_clock_was_set_back_is_known_first(database, monkeypatch):
+    one, two = add_versions(database, 2)
+    for version, ahead, *since in ((one, 2), (two, 1, JAN)):
+        shown = utc_now() + timedelta(hours=ahead)
+        monkeypatch.setattr("store.publications.utc_now", lambda shown=shown: shown)
+        decide(database, version, *since)
+    with database.reading() as session:
+        known_from = session.scalars(select(Publication.known_from)).one()
+        assert known_from > session.scalars(select(Revocation.revoked_at)).one()
 
 
 def test_revoking_leaves_a_gap_and_is_for_good(database):
