@@ -29,7 +29,7 @@ NUMBERS_WITHOUT_UNIT = {
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
     # of a road's criteria, model and scale
     *("maintenance_factor", "without_it", "at_least", "at_most", "needed_u", "probability", "sigma"),
-    *("expected_u", "factor_u", "slope", "slope_u"),
+    *("expected_u", "factor_u", "slope", "slope_u", "unlike"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     # of a sensor's own unit, which stands beside them
     *("i_sq", "i_sq_standard_uncertainty", "i_ss", "i_ss_oriented", "reflectance_k", "shared_u", "noise_u"),
