@@ -238,7 +238,7 @@ export function drawSite(road, changed) {
 
   function figures(name, of, keys, remove) {
     const entry = ([key, label]) => {
-      const input = h("input", { type: "number", step: "any", "data-keep": `${name} ${key}`, value: of[key] ?? 0, title: `${name}: ${label}`, onchange: (event) => act(event.target, async () => change(((value) => () => (of[key] = value))(numberOf(input) ?? 0))) });
+      const input = h("input", { type: "number", step: "any", "data-keep": `${name} ${key}`, value: cm(of[key] ?? 0), title: `${name}: ${label}`, onchange: (event) => act(event.target, async () => change(((value) => () => (of[key] = value))(numberOf(input) ?? 0))) });
       return h("label", { class: "site-entry" }, label, input);
     };
     return h("div", { class: "site-row", role: "group", "aria-label": name }, h("strong", {}, name), keys.map(entry), remove ? small("Remove", () => change(remove), { "aria-label": `Remove ${name}` }) : null);
