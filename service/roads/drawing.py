@@ -75,6 +75,7 @@ def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequ
     if "e" in shown:
         canvas.picture(png)
     _draw_site(canvas, site, extent, 'stroke="#ffffff" stroke-width="1.5"')
+    _draw_lengths(canvas, site, extent)
     points = {each["name"]: each for each in result["points"]}
     if "isolux" in shown:
         judged = [each for each in result["criteria"] if each["figure"] in ("e_av", "e_min")]
@@ -144,6 +145,20 @@ def _draw_site(canvas: Canvas, site: Node, extent: Node, style: str) -> None:
     for row in site["rows"]:
         for at in np.arange(row.get("first_x_m", 0.0), end + 0.1, row["spacing_m"]).tolist():
             canvas.circle((at, row["y_m"]), 5, 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"')
+
+
+def _draw_lengths(canvas: Canvas, site: Node, extent: Node) -> None:
+    """Name the strips before the field, and draw S and 10 m."""
+    first, style = site["rows"][0], 'stroke="#ffffff" stroke-width="2"'
+    start, spacing, (y0, y1) = first.get("first_x_m", 0.0), first["spacing_m"], extent["y_m"]
+    for strip in site.get("strips", ()):
+        named = f"Lane {strip['name']}" if strip["kind"] == "lane" else strip["name"]
+        canvas.text((start - 2.5, strip["y_m"] + strip["width_m"] / 2.0), named)
+    canvas.line([(start, y0 + 1.0), (start + spacing, y0 + 1.0)], style)
+    canvas.text((start + spacing / 2.0, y0 + 1.0), f"S = {spacing:g} m")
+    end = extent["x_m"][1] - 1.0
+    canvas.line([(end - 10.0, y1 - 1.0), (end, y1 - 1.0)], style)
+    canvas.text((end - 5.0, y1 - 1.0), "10 m")
 
 
 def _draw_isolux(canvas: Canvas, result: Node, limits: Sequence[float]) -> None:

@@ -85,6 +85,9 @@ def test_on_a_telephone_the_road_runs_upward_and_the_result_comes_first(page, ro
     box = shown.bounding_box()
     assert box["height"] > box["width"]
     assert page.locator("#figures").bounding_box()["y"] < box["y"]
+    expect(page.locator("#verdict sub").first).to_have_text("av")
+    drawn = page.request.get(shown.get_attribute("src")).text()
+    assert all(f">{words}</text>" in drawn for words in ("S = 30 m", "10 m", "Lane 1", "Lane 2"))
     check_access(page)
     look(page, "road-phone")
 

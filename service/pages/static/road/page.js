@@ -18,6 +18,8 @@ let road = null;
 let rules = [];
 
 const sign = (figure) => [NAMES[figure][1] || words(figure), h("sub", {}, NAMES[figure][2])];
+/** "U_0 = 0.41" with the 0 set lower. */
+const lower = (text) => text.split(/_(\w+)/).map((part, at) => (at % 2 ? h("sub", {}, part) : part));
 const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 
 byId("hide")?.addEventListener("click", hide);
@@ -63,7 +65,7 @@ function drawVerdict(result) {
   const [verdict, why] = result.said;
   const wrong = result.control.filter((each) => each.state === "differs");
   return [
-    h("div", { class: `verdict-line ${MARKS[result.verdict]}` }, mark(MARKS[result.verdict]), h("p", {}, h("strong", {}, verdict), ` ${why}`)),
+    h("div", { class: `verdict-line ${MARKS[result.verdict]}` }, mark(MARKS[result.verdict]), h("p", {}, h("strong", {}, verdict), " ", lower(why))),
     wrong.length ? h("ul", { class: "causes" }, wrong.map(cause)) : null,
   ];
 }
