@@ -10,8 +10,6 @@ from zlib import crc32
 
 import hypothesis
 import pytest
-from sqlalchemy import Dialect, Engine
-from sqlalchemy.util import LRUCache
 
 from store.database import Database
 from store.migrate import migrate
@@ -28,22 +26,6 @@ hypothesis.settings.load_profile("house")
 # Thousands of tests and all that they import stay to the end: to search them for garbage again and again
 # took a tenth of a test process.
 gc.set_threshold(10_000)
-
-# Nearly every test has engines of its own, and each compiled every statement again: a fifth of such a test.
-# What a dialect compiles for one database serves all.
-_compiled, _begin_engine = LRUCache(5000), Engine.__init__
-
-
-def _share_compiled(engine, *arguments, **options):
-    _begin_engine(engine, *arguments, **options)
-    engine._compiled_cache = _compiled
-
-
-Engine.__init__ = _share_compiled
-Dialect.__hash__ = lambda dialect: hash((type(dialect), dialect.paramstyle))
-Dialect.__eq__ = lambda dialect, other: (
-    type(dialect) is type(other) and dialect.paramstyle == other.paramstyle
-)
 
 # Tens of thousands of commits wait for a disk, and no test is about a power cut: their folders lie in memory,
 # where a whole run keeps less than 1 GiB.
@@ -216,8 +198,7 @@ def database(database_url):
 
 
 @pytest.fixture
-def house(request, database, tmp_path):
+def house(database, tmp_path):
     """The service and a worker over one database and one folder, called in turn by the test itself."""
-    typesets = request.node.get_closest_marker("typesets") is not None
-    with House(database, tmp_path, typesets=typesets) as built:
+    with House(database, tmp_path) as built:
         yield built

@@ -83,7 +83,6 @@ def test_it_carries_what_the_version_rests_on(house, version):
     assert certificate["software"] | version["software"] == certificate["software"]
 
 
-@pytest.mark.typesets
 def test_a_lens_need_not_have_a_serial_number(house):
     house.camera(lens={"make": "DJI", "model": "MFT 15mm F1.7 ASPH"})
     version = calibrated_campaign(house, isos=(3200,))

@@ -43,9 +43,6 @@ def print_certificate(house):
     return certificate_of(house, version), house.http.get(f"{path}/plot.svg").text, read(answer.content)
 
 
-pytestmark = pytest.mark.typesets
-
-
 @pytest.fixture
 def printed(staged):
     return staged(print_certificate)

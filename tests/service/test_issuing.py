@@ -62,7 +62,6 @@ def revise(monkeypatch):
     )
 
 
-@pytest.mark.typesets
 def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, monkeypatch):
     version = staged(complete_version)
     published = publish(house, version)
@@ -91,7 +90,6 @@ def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, mon
     assert check_rows(house.database).faults == []
 
 
-@pytest.mark.typesets
 def test_a_later_publication_issues_an_amendment_beside_the_original(house, version):
     first = publish(house, version)["certificates"][0]
     original = {form: fetch(house, version, form).content for form in ("json", "pdf")}
@@ -170,7 +168,6 @@ def test_publishers_of_one_version_at_once_leave_no_gap(house, version):
     assert len({each["reason"] for each in issued}) == len(issued)
 
 
-@pytest.mark.typesets
 def test_a_certificate_that_rots_is_noticed_and_nothing_takes_its_place(house, version):
     (issued,) = publish(house, version)["certificates"]
     pdf, digest = fetch(house, version, "pdf").content, issued["pdf_sha256"]
@@ -251,7 +248,6 @@ def test_one_that_cannot_be_issued_yet_keeps_no_other_waiting(house, version, mo
     assert count(house, IssuedCertificate) == 2
 
 
-@pytest.mark.typesets
 def test_a_lost_preview_costs_the_picture_alone(house, version):
     with house.database.reading() as session:
         previews = session.scalars(select(FrameRow.preview_sha256).distinct()).all()

@@ -24,7 +24,7 @@ def record(folder: Path) -> dict[str, object]:
     """Return the rows and answers of this version's code."""
     database = Database(f"sqlite:///{folder / 'release.sqlite'}")
     migrate(database)
-    with House(database, folder, typesets=True) as house:
+    with House(database, folder) as house:
         first = published_campaign(house, isos=(3200,))
         campaign = {"id": first["campaign_id"]}
         second = calibrate(house, campaign, model="affine")

@@ -108,7 +108,7 @@ def check_certificates(recorded, empty, tmp_path, request, monkeypatch):
     published = [path for path in recorded["answers"] if path.startswith("/v1/calibrations/")]
 
     def start():
-        house = House(empty, tmp_path, typesets=True)
+        house = House(empty, tmp_path)
         house.blobs = blobs_from_url(place, tmp_path)
         return house
 

@@ -1,7 +1,6 @@
 """The service and the worker in the test's own process: HTTP without a socket, jobs when the test says so."""
 
 import atexit
-import json
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest.mock import patch
@@ -10,7 +9,6 @@ from fastapi import FastAPI
 from sqlalchemy import select
 from starlette.testclient import TestClient
 
-from service.documents.pages import lay_out
 from service.documents.rendering import render
 from service.http.app import build_app
 from service.http.auth import SCOPES
@@ -40,20 +38,10 @@ DECODERS = DecoderPool()
 atexit.register(DECODERS.close)
 
 
-def lay_out_only(order: bytes, **_) -> bytes:
-    """Render an order, but set no certificate: that takes as long as a fit, and few tests read pages."""
-    read = json.loads(order)
-    if read["kind"] != "certificate":
-        return render(order)
-    sheets = lay_out(read["certificate"], read["preview"])
-    return b"not set without @pytest.mark.typesets: " + json.dumps(sheets).encode()
-
-
 class House:
-    def __init__(self, database: Database, folder: Path, *, typesets: bool = False):
+    def __init__(self, database: Database, folder: Path):
         self.database = database
         self.folder = folder
-        self.typesets = typesets
         self.settings = Settings(data=folder, allowed_hosts="testserver")
         self.blobs = LocalBlobs(folder / "blobs")
         self._stack = ExitStack()
@@ -72,8 +60,9 @@ class House:
         )
         context.traffic.metrics.totals_every_s = 0.0
         # a process for each picture takes longer than the picture
-        rendering = (lambda order, **_: render(order)) if self.typesets else lay_out_only
-        self._stack.enter_context(patch("service.documents.rendered.render_apart", rendering))
+        self._stack.enter_context(
+            patch("service.documents.rendered.render_apart", lambda order, **_: render(order))
+        )
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context
         self._stack.callback(_idle_apps.append, self.app)

@@ -34,7 +34,7 @@ class Stages:
     def bring(self, house: House, server: PostgresServer | None, recipe: Callable, arguments: dict) -> Any:
         """Bring a new house to where the recipe leaves it, and return what the recipe returns."""
         assert _is_new(house), "a stage takes the place of all that a house holds: ask for it first"
-        key = (server is None, house.typesets, recipe, repr(sorted(arguments.items())))
+        key = (server is None, recipe, repr(sorted(arguments.items())))
         if key in self._kept:
             _restore(house, server, self._kept[key])
         else:

@@ -194,7 +194,6 @@ def test_a_doctored_certificate_fails_against_the_server(house, staged, address,
     assert main([str(doctored), "--data", address, "--key", KEY]) == 1
 
 
-@pytest.mark.typesets
 def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(
     house, staged, address, tmp_path, capsys
 ):
@@ -230,7 +229,6 @@ def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(
     assert "the data's own certificate: approved_by.name" in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.typesets
 def test_the_clients_export_is_taken_up_where_it_stopped(house, staged, address, tmp_path):
     version = staged(complete_version)
     told = []
