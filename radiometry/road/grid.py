@@ -134,10 +134,10 @@ def _fill(area: Area, widest_m: float) -> list[GridPoint]:
     counts = [count_points(size, 1, widest_m) for size in (high - low).tolist()]
     _require_few(math.prod(counts), 4 * MOST_POINTS)
     x, y = (_divide(*each) for each in zip(low, high, counts, strict=True))
-    return [each for each in _name(area.name, x, y) if _holds(corners, each.x_m, each.y_m)]
+    return [each for each in _name(area.name, x, y) if holds(corners, each.x_m, each.y_m)]
 
 
-def _holds(corners: Array, x: float, y: float) -> bool:
+def holds(corners: Array, x: float, y: float) -> bool:
     """Return True if a place lies within a polygon, by the number of sides to its right."""
     (x0, y0), (x1, y1) = corners.T, np.roll(corners, -1, axis=0).T
     crosses = (y0 > y) != (y1 > y)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from radiometry.road import codes
 from radiometry.road.field import ANGLE_U, Ground, Rows, lay_ground, light_evenly
-from radiometry.road.grid import GridPoint, find_distance
-from radiometry.road.site import UNCERTIFIED_U, ControlPoint, Reading, Road, Scale
+from radiometry.road.grid import GridPoint, find_distance, holds, outline_points
+from radiometry.road.site import UNCERTIFIED_U, ControlPoint, Reading, Road, Scale, Site
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -76,8 +76,8 @@ class Cells(NamedTuple):
 def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
     """Lay rectangles around grid points and control points: patches of the pavement average out in them.
 
-    They take two thirds of a point's share along and half of it across, off the edges of lanes, and at least
-    a receiver's width.
+    They take two thirds of a point's share along and half of it across, as far as that lies on its strip or
+    area, and at least a receiver's width.
 
     Parameters
     ----------
@@ -95,13 +95,27 @@ def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
         ours = [p for p in points if p.part == part]
         along, across = (find_distance(getattr(p, axis) for p in ours) for axis in ("x_m", "y_m"))
         found[part] = _ALONG_SHARE * along, _ACROSS_SHARE * across
-    sides = np.maximum([found[part] for part in parts], road.site.receiver_m)
+    sides = np.array([found[part] for part in parts])
+    sides = np.maximum(np.minimum(sides, _find_room(road.site, parts, xy, sides)), road.site.receiver_m)
     inside = np.stack(np.meshgrid(_STEPS, _STEPS), axis=-1).reshape(-1, 1, 2)
     lamps = np.array(road.site.list_lamps())
     light = np.exp(light_evenly((xy + inside * sides).reshape(-1, 2), lamps)[0]).reshape(len(inside), -1)
     brighter = light.mean(axis=0) / np.exp(light_evenly(xy, lamps)[0])
     names = (*(p.name for p in points), *(c.name for c in road.control))
     return Cells(names, tuple(parts), xy, sides, brighter)
+
+
+def _find_room(site: Site, parts: Sequence[str], xy_m: Array, sides_m: Array) -> Array:
+    """Return the sides of rectangles that stay on their strip; 0 of those that would leave their area."""
+    strips, areas = {each.name: each for each in site.strips}, {each.name: each for each in site.areas}
+    room = np.full(xy_m.shape, np.inf)
+    for n, (part, corners) in enumerate(zip(parts, outline_points(xy_m, sides_m), strict=True)):
+        if strip := strips.get(part):
+            room[n, 1] = 2.0 * min(xy_m[n, 1] - strip.y_m, strip.y_m + strip.width_m - xy_m[n, 1])
+        elif area := areas.get(part):
+            outline = np.array(area.corners_m)
+            room[n] = np.inf if all(holds(outline, x, y) for x, y in corners.tolist()) else 0.0
+    return room
 
 
 class Places(NamedTuple):

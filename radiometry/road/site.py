@@ -69,7 +69,7 @@ class Site(Record):
     areas: tuple[Area, ...] = about("Areas of any outline.", default=())
     origin: Origin | None = about("Place on the earth, if it is known.", default=None)
     receiver_m: float = about(
-        "Side of the square over which the luminance of a point is read [m].",
+        "Least side of the rectangle over which the luminance of a point is read [m].",
         default=0.2,
         within=(0.01, 10.0),
     )

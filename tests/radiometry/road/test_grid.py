@@ -5,8 +5,9 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.road.grid import lay_points
+from radiometry.road.observations import lay_cells
 from radiometry.road.rules import find_criteria, find_rule, list_rules
-from radiometry.road.site import Area, Requirement, Row, Site, Strip
+from radiometry.road.site import Area, ControlPoint, Requirement, Road, Row, Site, Strip
 
 EN, RP8 = (rule.name for rule in list_rules())
 
@@ -86,3 +87,22 @@ def test_unknown_rules_and_classes_are_refused(asked):
 def test_a_site_without_size_or_with_a_name_twice_is_refused(site):
     with pytest.raises(InputRejected, match="A site has"):
         lay_points(site, find_rule(EN).grid)
+
+
+def test_luminances_are_averaged_on_the_point_s_own_strip_or_area():
+    """Two thirds by a half of 2.92 x 1.17 m; 0.4 m by the kerb, a receiver's width by an area's border."""
+    area = Area(name="corner", corners_m=((0.0, 20.0), (9.0, 20.0), (9.0, 29.0)))
+    site = make_site(35.0, areas=(area,))
+    points = lay_points(site, find_rule(EN).grid)
+    control = tuple(
+        ControlPoint(name=n, x_m=4.0, y_m=y, quantity="illuminance", values=(9.0,), meter="lux")
+        for n, y in (("middle", 1.75), ("kerb", 0.2))
+    )
+    stated = Road(site=site, requirement=Requirement(rule=EN, road_class="C3"), control=control)
+    cells = lay_cells(stated, points)
+    sides = dict(zip(cells.names, cells.sides_m.tolist(), strict=True))
+    assert sides["1/2-7"] == sides["middle"] == pytest.approx([2 / 3 * 35 / 12, 3.5 / 6])
+    assert sides["kerb"][1] == pytest.approx(0.4)
+    of_area = {tuple(np.round(sides[p.name], 6)) for p in points if p.part == "corner"}
+    assert (site.receiver_m, site.receiver_m) in of_area
+    assert len(of_area) == 2
