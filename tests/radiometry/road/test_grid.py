@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
+from radiometry.road.field import light_evenly
 from radiometry.road.grid import lay_points
 from radiometry.road.observations import lay_cells
 from radiometry.road.rules import find_criteria, find_rule, list_rules
@@ -103,6 +104,12 @@ def test_luminances_are_averaged_on_the_point_s_own_strip_or_area():
     sides = dict(zip(cells.names, cells.sides_m.tolist(), strict=True))
     assert sides["1/2-7"] == sides["middle"] == pytest.approx([2 / 3 * 35 / 12, 3.5 / 6])
     assert sides["kerb"][1] == pytest.approx(0.4)
+    steps = (np.arange(40) + 0.5) / 40 - 0.5
+    spots = cells.xy_m[6] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * cells.sides_m[6]
+    light = [
+        np.exp(light_evenly(xy, np.array(site.list_lamps()))[0]).mean() for xy in (spots, cells.xy_m[6:7])
+    ]
+    assert cells.brighter[6] - 1.0 == pytest.approx(light[0] / light[1] - 1.0, rel=0.05)
     of_area = {tuple(np.round(sides[p.name], 6)) for p in points if p.part == "corner"}
     assert (site.receiver_m, site.receiver_m) in of_area
     assert len(of_area) == 2
