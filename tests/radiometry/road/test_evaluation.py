@@ -8,9 +8,9 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.road.evaluation import evaluate_road
-from radiometry.road.field import Ground, Rows, light_evenly, solve_field
+from radiometry.road.field import USUAL, Ground, Rows, lay_ground, light_evenly, solve_field
 from radiometry.road.results import Model
-from radiometry.road.site import Conditions, Criterion, Meter, Strip
+from radiometry.road.site import Conditions, Criterion, Meter, Row, Site, Strip
 from tests.radiometry.road.simulated import SCALE, draw_road, survey
 
 
@@ -90,6 +90,34 @@ def test_the_meter_behind_k_is_worth_less_at_the_points():
         figure = get_figure(evaluate_road(road, points, readings, scale=scale), "e_av")
         u_rel[meter] = figure.standard_uncertainty / figure.value
     assert u_rel["lux"] > 1.1 * u_rel["another"]
+
+
+def see(ground, *places):
+    """The field after luminances of these places without noise."""
+    seen = np.ones(len(places), np.bool_)
+    rows = Rows(
+        values=np.zeros(len(places)),
+        places=np.array(places),
+        sees_pavement=seen,
+        is_reading=~seen,
+        own_u=np.full(len(places), 1e-4),
+        meters=(),
+        shared={"camera": np.zeros((len(places), 1))},
+    )
+    return solve_field(ground, rows, USUAL)
+
+
+def test_places_that_lie_alike_share_their_light_and_near_ones_their_patch():
+    """5 m beside two luminaires 30 m apart ln E differs by .3 sqrt(2 .03) at most; between them by more."""
+    site = Site(rows=(Row(y_m=-1.0, height_m=8.0, spacing_m=30.0),))
+    places = np.array([(5.0, 2.0), (25.0, 2.0), (15.0, 2.0), (5.01, 2.0)])
+    ground = lay_ground(site, places)
+    assert ground.under[0, :3] == pytest.approx(np.array([(5.0, 3.0), (5.0, 3.0), (15.0, 3.0)]))
+    spread = see(ground, 0).covariance
+    alike, between = (spread[0, 0] + spread[n, n] - 2.0 * spread[0, n] for n in (1, 2))
+    assert alike < 0.3**2 * 2 * 0.03 * 1.01 < 0.1 * between
+    once, twice = (see(ground, *each).covariance[0, 0] for each in ((0,), (0, 3)))
+    assert twice == pytest.approx(once, rel=0.05)
 
 
 def test_a_lens_that_falls_off_is_allowed_for():
