@@ -24,8 +24,13 @@ from radiometry.reflectance.results import (
     Params,
     Point,
 )
-from radiometry.reflectance.sun import locate_suns_of, read_clock
-from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels, see_light
+from radiometry.reflectance.sun import Angles, locate_suns_of, read_clock, take_away, turned_deg
+from radiometry.reflectance.sunshine import (
+    LARGEST_TILT_DEG,
+    SINGLE_READING_U_REL,
+    compare_channels,
+    see_light,
+)
 
 _CLOCK_JUMP_S = 60.0
 _FLIGHT_DAY_S = 12 * 3600.0
@@ -108,12 +113,14 @@ def pool_readings(bands: Sequence[Sequence[Sequence[PanelFrame]]]) -> Estimate:
 
         s^2 = (2 s_0^2 + sum (x - mean)^2) / (2 + sum (n - 1))
 
-    The bands of a capture may share errors: within the visits the degrees of freedom are those of one.
+    The bands of a capture may share errors: within the visits the degrees of freedom are those of one. What
+    the sensor's attitudes explain of the scatter within a visit (`_find_leaning`) is not the readings'.
 
     [1] A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6 (variance of a normal distribution)
     """
     within: list[list[list[float]]] = []  # ln K by band, visit and frame
     changes: dict[tuple[int, int], list[float]] = {}
+    leaning = 0.0
     for visits in bands:
         single = [visit for visit in visits if all(frame.is_single for frame in visit)]
         within.append([[math.log(frame.k) for frame in visit] for visit in single])
@@ -122,12 +129,40 @@ def pool_readings(bands: Sequence[Sequence[Sequence[PanelFrame]]]) -> Estimate:
                 1.0 / len(before) + 1.0 / len(after)
             )
             changes.setdefault((a[0].candidate.visit, b[0].candidate.visit), []).append(change)
+        leaning += sum(_find_leaning(visit)[2] for visit in single)
     groups = [logs for band in within for logs in band] + list(changes.values())
     squares = math.fsum(statistics.variance(each) * (len(each) - 1) for each in groups if len(each) > 1)
+    squares = max(0.0, squares - leaning)
     between = sum(len(each) - 1 for each in changes.values())
     free = [sum(len(logs) - 1 for logs in band) for band in within]
     variance = (READING_DOF * SINGLE_READING_U_REL**2 + squares) / (READING_DOF + sum(free) + between)
     return Estimate(math.sqrt(variance), READING_DOF + max(free) + between)
+
+
+def _find_leaning(visit: Sequence[PanelFrame]) -> tuple[tuple[float, ...], float, float]:
+    """Return what the attitudes of a visit's frames do to ln K.
+
+    The mean effects of what captures share; the variance of the mean by what each attitude has of its own;
+    and the sum of squares that both let the frames scatter. Frames that lean alike have one attitude.
+    """
+    n, heads, sizes = len(visit), list[Angles](), list[int]()
+    for frame in visit:
+        light = see_light(frame.candidate.band)
+        angles = light.angles_deg if light else (0.0, 0.0, 0.0)
+        alike = [turned_deg(angles, head) <= LARGEST_TILT_DEG for head in heads]
+        if any(alike):
+            sizes[alike.index(True)] += 1
+        else:
+            heads.append(angles)
+            sizes.append(1)
+    shared = [each.candidate.sunshine.level_effects if each.candidate.sunshine else () for each in visit]
+    mean = results.add_effects(shared, [1.0 / n] * n)
+    own = statistics.fmean(
+        take_away(frame.level_u_rel, effects) ** 2 for frame, effects in zip(visit, shared, strict=True)
+    )
+    share = sum(size**2 for size in sizes) / n**2
+    apart = sum(part**2 for each in shared for part in results.add_effects((each, mean), (1.0, -1.0)))
+    return mean, share * own, apart + n * (1.0 - share) * own
 
 
 def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
@@ -147,14 +182,11 @@ def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
     if n > 1:
         values = [frame.k for frame in visit]
         scatter = (statistics.stdev(values) / statistics.fmean(values)) ** 2 / n
-    repeat = max(0.0, scatter - noise - sunshine)
+    effects, own_level, leaning = _find_leaning(visit)
+    level = math.hypot(*effects) ** 2 + own_level
+    repeat = max(0.0, scatter - noise - sunshine - leaning / max(1, n - 1) / n)
     if repeat > 0.0:
         restless += scatter**2 / (n - 1.0)
-    level = statistics.fmean(frame.level_u_rel for frame in visit) ** 2
-    effects = results.add_effects(
-        [each.candidate.sunshine.level_effects if each.candidate.sunshine else () for each in visit],
-        [1.0 / n] * n,
-    )
     times = [frame.candidate.at_s for frame in visit if frame.candidate.at_s is not None]
     return Visit(
         number=visit[0].candidate.visit,
@@ -225,7 +257,7 @@ def fit_bands(used: Sequence[Candidate], params: Params) -> dict[str, BandFit]:
         gain      of the sunshine sensor's gain indices, which all frames share
         drift     of `evaluate_k` in the middle of the longest time between two captures, or half
                   an hour after a single one
-        tilt      of the sunshine sensor's attitude and the diffuse fraction, alike in a capture
+        tilt      of the sunshine sensor's attitude and the diffuse fraction, alike where frames lean alike
         repeat    by how much the frames of a capture scatter beyond their noise
 
     Readings and drift are estimated from all bands together (`pool_readings`, `pool_drift`).

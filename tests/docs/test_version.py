@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.16"
-    expected = "4aad38fd8a5b1c45cbec8d93442aeee58870c6c42a3f8e075d190fd48cfe93b6"
+    assert software.FIT_CODE_VERSION == "0.1.17"
+    expected = "b6dfa64b0850aaa381b611692ee4282dc0e773718b048c6a3fc99a1ca51bd040"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -244,19 +244,43 @@ def test_light_is_a_repetition_only_where_chance_does_not_explain_it(turned_deg,
     assert bool(find_repeated(now, [earlier])) == is_earlier
 
 
-def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
-    """Panel and flight lean alike: blue light is levelled alike, as it was then and as it is now."""
-    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+def read_once(pitch_deg, value=1.0, **band):
+    """Return a panel's row at noon under 50 degrees, with one light reading of a sensor that leans."""
     light = SunshineIrradiance(
-        irradiance_w_m2_nm=1.0,
+        irradiance_w_m2_nm=value,
         quantity="spectral",
         unit_origin="tag",
         yaw_deg=0.0,
-        pitch_deg=10.0,
+        pitch_deg=pitch_deg,
         roll_deg=0.0,
     )
-    row = dataclasses.replace(ROW, header=header)
-    (row,) = change_band([row], counts=None, irradiance=light, wavelength_nm=475.0)
+    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    row = dataclasses.replace(ROW, header=header, frame=f"panel-{pitch_deg:g}")
+    return change_band([row], counts=None, irradiance=light, **band)[0]
+
+
+def test_what_attitudes_explain_of_captures_that_lean_otherwise_is_no_noise_of_readings():
+    """ln K of two captures differs by 12 %."""
+    rows = [read_once(8.0), read_once(-8.0, 1.1)]
+    alone = [k_of(reflectance.fit([row], READINGS, STEADY)).coefficient.knots[0] for row in rows]
+    a, b = alone
+    brighter = rows[1].features.i_sq * b.reflectance_k / a.reflectance_k * math.exp(0.12)
+    rows[1] = dataclasses.replace(
+        rows[1], features=dataclasses.replace(rows[1].features, i_sq=brighter, gradient_rel=0.0)
+    )
+    found = k_of(reflectance.fit(rows, READINGS, STEADY)).coefficient
+    (knot,) = found.knots
+    effects = np.array([each.level_effects for each in alone])
+    assert knot.level_effects == pytest.approx(effects.mean(axis=0))
+    assert knot.own_level_u_rel == pytest.approx(math.hypot(a.own_level_u_rel, b.own_level_u_rel) / 2.0)
+    own = (a.own_level_u_rel**2 + b.own_level_u_rel**2) / 2.0
+    left = 0.12**2 / 2.0 - np.sum((effects[0] - effects[1]) ** 2) / 2.0 - own
+    assert found.reading_u_rel == pytest.approx(math.sqrt((2.0 * 0.025**2 + left) / 3.0))
+
+
+def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
+    """Panel and flight lean alike: blue light is levelled alike, as it was then and as it is now."""
+    row = read_once(10.0, wavelength_nm=475.0)
     found = k_of(reflectance.fit([row], READINGS, reflectance.Params())).coefficient
     knots = [dataclasses.replace(knot, level_effects=None, level_u_rel=None) for knot in found.knots]
     older = dataclasses.replace(found, knots=tuple(knots))
