@@ -90,7 +90,6 @@ def digest_value(value: Any) -> str:  # noqa: ANN401
 
 
 def digest_row(row: Base, names: Iterable[str]) -> str:
-    """The hash of these columns of a row."""
     columns = inspect(type(row)).columns
     return digest_value({name: _as_column_keeps(columns[name], getattr(row, name)) for name in names})
 

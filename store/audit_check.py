@@ -13,6 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
+from heapq import merge
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -35,8 +36,6 @@ _Key = tuple[Any, ...]
 
 @dataclass
 class RowsReport:
-    """Rows that were compared, and what differs, in words."""
-
     faults: list[str] = field(default_factory=list)
     compared: int = 0
     unrecorded: int = 0
@@ -77,19 +76,11 @@ class _Comparison:
             self._report.faults.append(f"{self._name}: a row cannot be read, it was edited: {error}")
 
     def _walk(self) -> None:
-        rows, entries = self._rows(), self._entries()
-        row, entry = next(rows, None), next(entries, None)
-        while row is not None or entry is not None:
-            if entry is None or (row is not None and row[0] < entry[0]):
-                assert row is not None  # noqa: S101  narrows the type
-                self._compare(*row, [])
-                row = next(rows, None)
-            elif row is None or entry[0] < row[0]:
-                self._compare(entry[0], [], entry[1])
-                entry = next(entries, None)
-            else:
-                self._compare(row[0], row[1], entry[1])
-                row, entry = next(rows, None), next(entries, None)
+        rows = ((key, "rows", of_one) for key, of_one in self._rows())
+        entries = ((key, "entries", of_one) for key, of_one in self._entries())
+        for key, both in groupby(merge(rows, entries, key=itemgetter(0)), key=itemgetter(0)):
+            found = {kind: of_one for _, kind, of_one in both}
+            self._compare(key, found.get("rows", []), found.get("entries", []))
 
     def _rows(self) -> Iterator[tuple[str, list[Any]]]:
         (first, *_) = inspect(self._table).primary_key
@@ -124,12 +115,8 @@ class _Comparison:
         self._report.compared += len(rows)
         if issubclass(self._table, AuditedTogether):
             self._compare_together(subject_id, rows, entries)
-        else:
-            self._compare_each(subject_id, rows, _replay(entries, self._rest))
-
-    def _compare_each(
-        self, subject_id: str, rows: list[Any], states: "dict[tuple[Any, ...], _State]"
-    ) -> None:
+            return
+        states = _replay(entries, self._rest)
         for row in rows:
             if (state := states.pop(tuple(getattr(row, name) for name in self._rest), None)) is None:
                 self._miss(subject_id, row, has_entries=bool(states))
@@ -188,8 +175,6 @@ _RECORDED_LATE = frozenset({"extraction"})
 
 @dataclass
 class _State:
-    """State of a row by its entries."""
-
     values: dict[str, Any]
     perhaps: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
     """What an entry says that may be about this row: early ones did not say which of several."""
@@ -339,7 +324,6 @@ class _Trail:
         return Head(seq=self.last, sha256=sha256, entries=self._entries)
 
     def follow(self, entry: Mapping[str, Any]) -> None:
-        """Go on to the next entry, or raise what is wrong with it."""
         seq = entry["seq"]
         if seq <= self._closed.seq:
             if seq != self._common.seq + 1:
@@ -413,7 +397,6 @@ def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None
 
 
 def _walk(session: Session) -> Iterator[Mapping[str, Any]]:
-    """Every entry in the order of its number, a page at a time."""
     after: int | None = None
     while page := _read(session, after, _PAGE):
         yield from page

@@ -20,7 +20,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from radiometry.records import Record
 from store import audit_check, migrate
 from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
-from store.database import Database, require_own_schema
+from store.database import Database, SchemaDiffers, require_own_schema
 from store.tables import Blob, IssuedCertificate
 
 _DATABASE: Final = "stilb.sqlite"
@@ -28,8 +28,6 @@ _MOST_LINES: Final = 50
 
 
 class Proven(Record):
-    """Proof of a backup: files and bytes that are whole, and the faults in sentences."""
-
     files: int = 0
     size_bytes: int = 0
     faults: tuple[str, ...] = ()
@@ -57,7 +55,7 @@ def check_backup(folder: Path, *, database_url: str = "", blobs_url: str = "") -
                 rows = [f"the audit trail is broken at entry {fault.seq}: {fault.what}"]
             else:
                 rows = audit_check.check_rows(database).faults
-        except (_Unusable, migrate.NewerSchema) as found:
+        except (_Unusable, SchemaDiffers) as found:
             return Proven(faults=(f"the database: {found}",))
         except (SQLAlchemyError, sqlite3.Error) as error:
             return Proven(faults=(f"the database cannot be read: {str(error).partition(chr(10))[0]}",))

@@ -26,7 +26,6 @@ def encode(value: Any) -> Any:  # noqa: ANN401
 
 
 def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
-    """A dataclass from plain JSON values."""
     return _adapter(kind).validate_python(stored)
 
 

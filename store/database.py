@@ -35,8 +35,6 @@ OTHER_SCHEMA_EXIT = 3
 
 
 class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
-    """The database has the schema of another stilb than this one."""
-
     def __init__(self, found: str | None) -> None:
         if found is None:
             what = "has no schema yet"
@@ -238,7 +236,6 @@ def summarise(error: Exception) -> str:
 
 
 def is_full(error: Exception) -> bool:
-    """Return whether the database has no room left on its disk, or in its quota."""
     cause = getattr(error, "orig", None)
     return (
         getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL

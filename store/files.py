@@ -133,7 +133,6 @@ def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
 
 
 def describe_damage(damage: BlobDamaged) -> str:
-    """Return the sentence for whoever asked for the file."""
     return (
         f"The stored file {damage.sha256} is {damage.damage}: the service's disk lost what was uploaded, and "
         "nothing of it is handed out. Upload the same file again: jobs that wait for it then go on."
@@ -141,7 +140,6 @@ def describe_damage(damage: BlobDamaged) -> str:
 
 
 def count_damaged(session: Session) -> dict[str, int]:
-    """Return how many files are known to be damaged, by what is wrong."""
     counts = select(Blob.damage, func.count()).where(Blob.damage.is_not(None)).group_by(Blob.damage)
     return {str(row[0]): row[1] for row in session.execute(counts)}
 
@@ -183,7 +181,6 @@ def reduce_preview(preview: bytes) -> bytes:
 
 
 def find_small_previews(session: Session, hashes: Collection[str]) -> dict[str, bytes]:
-    """Return those that are kept, by the hash of the preview."""
     columns = select(SmallPreview.preview_sha256, SmallPreview.webp)
     rows = session.execute(columns.where(SmallPreview.preview_sha256.in_(hashes)))
     return {row[0]: row[1] for row in rows}

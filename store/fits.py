@@ -15,6 +15,7 @@ from radiometry.findings import grouping, shared
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.mismatch import find_response
 from store.codec import decode, encode
+from store.queries import by_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
@@ -140,9 +141,7 @@ def hash_content(inputs: dict[str, Any], parameters: dict[str, Any]) -> str:
 
 def _inputs(session: Session, campaign: Campaign, evidence: Evidence) -> dict[str, Any]:
     """Everything that the result follows from, by content: no id, no time of arrival."""
-    regions = {
-        roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
-    }
+    regions = by_id(session, Roi, set(evidence.rois.values()))
     parts = {roi.sha256: roi.parts for roi in regions.values() if roi.parts}
     frames = []
     for frame in evidence.frames:

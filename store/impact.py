@@ -1,7 +1,7 @@
 """Effect of a decision about a version, and recalls: all versions with a common cause, revoked together."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -78,7 +78,6 @@ def find_in_force(session: Session, calibration: Calibration, at: datetime) -> I
 
 
 def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
-    """Compare a version with the one in force: what publishing it changes."""
     old = against.calibration
     shared, common = _compare_references(old, calibration)
     rows = coefficients_of(session, [old.id, calibration.id])
@@ -243,9 +242,14 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
     mine = select(Calibration.id).where(Calibration.organisation_id == organisation_id)
     match kind:
         case "meter_id":
-            return _by_meter(session, mine, session.get_one(Meter, value))
+            meter = session.get_one(Meter, value)
+            engraved = {name: getattr(meter, name) for name in _ENGRAVED}
+            # in the campaigns with a reading of it: readings are never deleted
+            had_it = select(Reading.campaign_id).where(Reading.meter_id == meter.id)
+            mine = mine.where(Calibration.campaign_id.in_(had_it))
+            return _by_meter(session, mine, lambda used: engraved.items() <= used.items())
         case "meter_certificate_number":
-            return _by_certificate(session, mine, value)
+            return _by_meter(session, mine, lambda used: used.get("certificate", {}).get("number") == value)
         case "software":
             by_software = mine.where(Calibration.software["stilb"].as_string() == value)
             return sorted(session.scalars(by_software))
@@ -259,7 +263,6 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
 
 
 def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Recall:
-    """Record the versions that the cause finds, for review and confirmation."""
     recall = Recall(
         organisation_id=organisation_id,
         cause=cause,
@@ -318,22 +321,7 @@ def _in_locking_order(session: Session, ids: list[str]) -> list[Calibration]:
     )
 
 
-def _by_meter(session: Session, mine: Select[Any], meter: Meter) -> list[str]:
-    """Find versions by meter, in the campaigns with a reading of it: readings are never deleted."""
-    had_it = select(Reading.campaign_id).where(Reading.meter_id == meter.id)
-    rows = session.execute(
-        mine.add_columns(Calibration.inputs["meters"]).where(Calibration.campaign_id.in_(had_it))
-    )
-    engraved = [getattr(meter, name) for name in _ENGRAVED]
-    return sorted(
-        row[0] for row in rows if any([used[name] for name in _ENGRAVED] == engraved for used in row[1] or [])
-    )
-
-
-def _by_certificate(session: Session, mine: Select[Any], number: str) -> list[str]:
+def _by_meter(session: Session, mine: Select[Any], fits: Callable[[dict[str, Any]], bool]) -> list[str]:
+    """Return the ids of versions with a meter, as they kept it, that fits."""
     rows = session.execute(mine.add_columns(Calibration.inputs["meters"]))
-    return sorted(
-        row[0]
-        for row in rows
-        if any(used.get("certificate", {}).get("number") == number for used in row[1] or [])
-    )
+    return sorted(row[0] for row in rows if any(map(fits, row[1] or [])))

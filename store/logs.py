@@ -49,10 +49,7 @@ class TextLines(logging.Formatter):
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object per line, in UTC."""
-
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line; a traceback is one string in it."""
         line = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname,

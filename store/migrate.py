@@ -9,7 +9,7 @@ from sqlalchemy import Connection, create_engine, inspect, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.database import Database, summarise
+from store.database import Database, SchemaDiffers, summarise
 from store.ready.rows import write_missing
 from store.settings import read_settings
 from store.software import MIGRATIONS, list_revisions, own_schema
@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
 _ADVISORY_LOCK = 0x5711B
 _LOCK_WITHIN_S = 60
-
-
-class NewerSchema(Exception):  # noqa: N818  it says what was found
-    """The database was written by a newer stilb than this one."""
 
 
 def migrate(database: Database, revision: str = "head") -> None:
@@ -37,7 +33,7 @@ def migrate(database: Database, revision: str = "head") -> None:
         if current == own_schema() and revision == "head":
             return
         if current is not None and current not in list_revisions():
-            raise NewerSchema(_name_newer(current))
+            raise SchemaDiffers(current)
         from alembic import command
 
         config = alembic_config()
@@ -83,13 +79,9 @@ def find_difference(url: str) -> str | None:
     if current == own_schema():
         return None
     if current is not None and current not in list_revisions():
-        return f"{_name_newer(current)}; start the newer one"
+        return f"{SchemaDiffers(current)}; start the newer one"
     found = f"schema {current}" if current else "no schema of stilb"
     return f"the database has {found}, and this stilb needs {own_schema()}: run `stilb-server migrate`"
-
-
-def _name_newer(revision: str) -> str:
-    return f"the database has schema {revision}, which is newer than this stilb"
 
 
 def main() -> int:
@@ -103,7 +95,7 @@ def main() -> int:
     database = Database(url, answer_within_s=None)
     try:
         migrate(database)
-    except NewerSchema as error:
+    except SchemaDiffers as error:
         print(f"stilb: {error}; start the newer one", file=sys.stderr)  # noqa: T201
         return 3
     finally:

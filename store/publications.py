@@ -15,8 +15,6 @@ from store.tables import Calibration, IssuedCertificate, Publication, Revocation
 
 
 class InForce(Record):
-    """The version that holds at a time, and the row that says so."""
-
     calibration: Calibration
     publication: Publication
 
@@ -52,9 +50,11 @@ def publish(
         known_to=None,
         reason=reason,
     )
+    ends_later = Publication.valid_to.is_(None) | (Publication.valid_to > valid_from)
     remainders = [
         rest
-        for older in _overlapping(session, slot, valid_from, valid_to)
+        for older in _open_rows(session, slot, ends_later)
+        if valid_to is None or older.valid_from < valid_to
         for rest in _give_way(session, older, row)
     ]
     session.flush()
@@ -137,20 +137,9 @@ def _next_instant(session: Session, slot: Slot) -> datetime:
     return max([utc_now(), *(known + timedelta(microseconds=1) for known in last if known)])
 
 
-def _open_rows(session: Session, slot: Slot) -> list[Publication]:
-    rows = select(Publication).where(Publication.slot_id == slot.id, Publication.known_to.is_(None))
+def _open_rows(session: Session, slot: Slot, *where: ColumnElement[bool]) -> list[Publication]:
+    rows = select(Publication).where(Publication.slot_id == slot.id, Publication.known_to.is_(None), *where)
     return list(session.scalars(rows.order_by(Publication.valid_from)))
-
-
-def _overlapping(
-    session: Session, slot: Slot, valid_from: datetime, valid_to: datetime | None
-) -> list[Publication]:
-    return [
-        row
-        for row in _open_rows(session, slot)
-        if (valid_to is None or row.valid_from < valid_to)
-        and (row.valid_to is None or row.valid_to > valid_from)
-    ]
 
 
 def _give_way(session: Session, older: Publication, newer: Publication) -> list[Publication]:

@@ -13,7 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, delete, insert, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
@@ -27,6 +27,7 @@ from radiometry.methods.findings import FINDINGS
 from radiometry.specification.roles import FIELD, Gap
 from store import codec, fits, revisions
 from store.database import Database, summarise
+from store.queries import update_where
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
 from store.queries.frames import (
@@ -251,7 +252,8 @@ class Reviews:
         with self._database.writing("review") as session:
             campaign_id = session.scalar(select(CampaignReview.campaign_id).where(is_stale(now)).limit(1))
             mine = (CampaignReview.campaign_id == campaign_id) & is_stale(now)
-            return campaign_id if _update(session, mine, not_before=now + _CLAIM) else None
+            claimed = update_where(session, CampaignReview, mine, not_before=now + _CLAIM)
+            return campaign_id if claimed else None
 
     def renew(self, campaign_id: str) -> None:
         with self._computing[campaign_id], self._database.reading() as session:
@@ -293,28 +295,33 @@ def is_stale(now: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
     return (CampaignReview.kept_revision < CampaignReview.revision) & free
 
 
+_KEPT: dict[str, Any] = dict.fromkeys(("missing", "advice", "findings"), tuple[FindingGroup, ...]) | {
+    "gaps": tuple[Gap, ...]
+}
+"""Lists of an assessment that the review's row keeps."""
+
+
 def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:
     if (ids := verdicts_of) is None:
         mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
         ids = session.scalars(select(FrameRow.id).where(mine)).all()
-    names = ("missing", "advice", "gaps", "findings", "checklist")
-    columns = [getattr(CampaignReview, name) for name in names]
+    columns = [getattr(CampaignReview, name) for name in (*_KEPT, "checklist")]
     fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
         CampaignReview.kept_by == hash_code()
     )
     row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, fresh)).first()
     if row is None:
         return None
-    missing, advice, gaps, findings, checklist = row
+    *lists, checklist = row
     chosen = FrameVerdict.campaign_id == campaign_id
     if verdicts_of is not None:
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
     reasons = session.execute(select(FrameVerdict.frame_id, FrameVerdict.reasons).where(chosen))
     return Assessment(
-        missing=codec.decode(tuple[FindingGroup, ...], missing or []),
-        advice=codec.decode(tuple[FindingGroup, ...], advice or []),
-        gaps=codec.decode(tuple[Gap, ...], gaps or []),
-        findings=codec.decode(tuple[FindingGroup, ...], findings or []),
+        **{
+            name: codec.decode(kind, kept or [])
+            for (name, kind), kept in zip(_KEPT.items(), lists, strict=True)
+        },
         record=codec.decode(RecordState, checklist) if checklist else None,
         verdicts=dict.fromkeys(ids, conclude(()))
         | {
@@ -346,10 +353,7 @@ def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
 def _encode(found: Assessment) -> dict[str, Any]:
     return {
         "kept_by": hash_code(),
-        **{
-            name: [codec.encode(each) for each in getattr(found, name)]
-            for name in ("missing", "advice", "gaps", "findings")
-        },
+        **{name: [codec.encode(each) for each in getattr(found, name)] for name in _KEPT},
         "checklist": codec.encode(found.record) if found.record else None,
     }
 
@@ -358,9 +362,10 @@ def _keep(
     session: Session, campaign_id: str, revision: int, values: Mapping[str, Any], now: Mapping[str, str]
 ) -> None:
     """Keep what was computed unless the campaign has changed meanwhile; only what differs is written."""
-    mine = (CampaignReview.campaign_id == campaign_id) & (CampaignReview.revision == revision)
-    if not _update(session, mine, kept_revision=revision, **values):
-        _update(session, CampaignReview.campaign_id == campaign_id, not_before=values["not_before"])
+    mine = CampaignReview.campaign_id == campaign_id
+    unchanged = mine & (CampaignReview.revision == revision)
+    if not update_where(session, CampaignReview, unchanged, kept_revision=revision, **values):
+        update_where(session, CampaignReview, mine, not_before=values["not_before"])
         return
     rows = session.execute(
         select(FrameVerdict.frame_id, FrameVerdict.reasons).where(FrameVerdict.campaign_id == campaign_id)
@@ -383,12 +388,6 @@ def _keep(
 
 
 _MOST_AT_ONCE = 5000
-
-
-def _update(session: Session, where: object, **values: object) -> bool:
-    result = session.execute(update(CampaignReview).where(where).values(**values))  # type: ignore[arg-type]
-    assert isinstance(result, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
-    return result.rowcount > 0
 
 
 @cache

@@ -36,8 +36,6 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
 
 @dataclass
 class _Noted:
-    """Changes that a transaction has flushed."""
-
     own: set[str] = field(default_factory=set)
     shared: set[tuple[type, Any]] = field(default_factory=set)
     whole: set[str] = field(default_factory=set)

@@ -146,15 +146,9 @@ class Sandbox:
     @property
     def level(self) -> str:
         """`full`, `seccomp only`, `landlock only` or `none`."""
-        match bool(self.landlock), self.seccomp:
-            case True, True:
-                return "full"
-            case False, True:
-                return "seccomp only"
-            case True, False:
-                return "landlock only"
-            case _:
-                return "none"
+        if self.landlock and self.seccomp:
+            return "full"
+        return "seccomp only" if self.seccomp else "landlock only" if self.landlock else "none"
 
     @property
     def parts(self) -> dict[str, bool]:
@@ -262,7 +256,6 @@ _KEPT: Final = ("PATH", "LANG", "PYTHONDONTWRITEBYTECODE")
 
 
 def build_command(module: str) -> list[str]:
-    """Return the command that runs one of our modules with this interpreter."""
     return [sys.executable, "-s", "-P", "-m", module]
 
 

@@ -45,7 +45,6 @@ def list_revisions() -> list[str]:
 
 
 def own_schema() -> str:
-    """Return the last revision of this code."""
     return list_revisions()[-1]
 
 

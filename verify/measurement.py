@@ -13,7 +13,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Camera, SuppliedExposure, accept_frame
 from stilb import export, transport
 from store import codec, software
-from store.blobs.local import LocalBlobs
+from store.blobs import LocalBlobs
 from store.measuring.record import Products, hash_content
 from store.tables import Calibration, FrameRow
 from verify.compare import Row, compare, take_stated

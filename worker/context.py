@@ -8,15 +8,15 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected
+from radiometry.findings import InputRejected, files
 from store import jobs
-from store.blobs import Blobs, blobs_from_url
+from store.blobs import Blobs, StoredFile, blobs_from_url
 from store.database import Database
 from store.files import Files
 from store.jobs import processes, queues
 from store.reviews import Reviews
 from store.settings import Settings
-from worker.decode.pool import DecoderPool
+from worker.decode.pool import DecoderCrashed, DecoderPool
 
 
 class Leases:
@@ -38,7 +38,6 @@ class Leases:
         self._held[claim.job_id] = (claim, progress)
 
     def renew(self, database: Database, lease_s: float) -> None:
-        """Renew the leases, and write down how far their jobs have come."""
         for claim, progress in list(self._held.values()):
             # lost: it has ended this very moment, which is usual; or another holds it, and its end finds that
             with suppress(jobs.LeaseLost), database.writing("worker") as session:
@@ -72,6 +71,16 @@ class Context:
     @property
     def files(self) -> Files:
         return Files(self.database, self.blobs)
+
+    @contextmanager
+    def lend(self, sha256: str) -> Iterator[StoredFile]:
+        """Lend a stored file to decode; only one that is whole is blamed where it ends its decoder."""
+        try:
+            with self.files.local(sha256) as file, self.decoders.hold(file):
+                yield file
+        except DecoderCrashed as crash:
+            self.files.prove(sha256)
+            raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
 
 
 def open_database(settings: Settings) -> Database:

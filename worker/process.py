@@ -39,7 +39,6 @@ class JobFailed(Exception):  # noqa: N818  it is what happened
 
 
 def do_job(task: Task, _subject_id: str) -> Mapping[str, Any]:
-    """Do the job whose id is the task's."""
     ended = runner.run(_mine["context"], task.request.id)
     match ended["state"]:
         case "failed":

@@ -84,7 +84,6 @@ def problem(code: str, detail: str) -> dict[str, Any]:
 
 
 def _work(context: Context, claim: Claim) -> Ending:
-    """Compute, and return how the job ends."""
     try:
         outcome = work(context, claim)
     except InputRejected as refusal:
@@ -160,7 +159,6 @@ def _fail_as_ours(claim: Claim, trace: str) -> Ending:
 
 
 def _end(context: Context, claim: Claim, ending: Ending) -> Mapping[str, Any]:
-    """End a job in one commit."""
     pause, give_up_at, collisions = threading.Event(), time.monotonic() + _PATIENCE_S, 0
     while True:
         try:

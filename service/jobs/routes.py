@@ -19,7 +19,8 @@ from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
 from service.jobs import schemas, watch
 from store import audit, jobs
-from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
+from store.queries import by_id
+from store.queries.jobs import list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
 from store.tables import (
     Calibration,
@@ -206,7 +207,7 @@ def _read(context: Context, caller: auth.Caller, job_id: str) -> schemas.JobAnsw
 
 
 def _answers(session: Session, found: list[Job]) -> list[schemas.JobAnswer]:
-    frames = frames_of(session, found)
+    frames = by_id(session, FrameRow, {job.subject_id for job in found})
     return [schemas.JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
 
 

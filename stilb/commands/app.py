@@ -11,22 +11,21 @@ from typer.core import TyperGroup
 
 from stilb import problem, transport
 from stilb.commands import (
+    access,
     calibration,
     campaign,
     jobs,
-    keys,
     measurements,
     output,
     push,
     receipt,
     roads,
-    session,
 )
 
 # by section the name of each command, its function or its own group, and an example
 _SECTIONS: Final = {
     "From the card to coefficients in force": (
-        ("login", session.login, "stilb login https://stilb.example.org"),
+        ("login", access.login, "stilb login https://stilb.example.org"),
         ("campaign", campaign.app, "stilb campaign init card --project P-17"),
         ("push", push.push, "stilb push /media/card --campaign P-17"),
         ("roi", calibration.roi, 'stilb roi P-17 --imagej "makePolygon(8,8,88,8,88,56,8,56)"'),
@@ -48,20 +47,20 @@ _SECTIONS: Final = {
     "Records": (
         ("export", calibration.export, "stilb export cal_01 out"),
         ("receipt", receipt.app, "stilb receipt verify receipt.json --card /media/card"),
-        ("audit", keys.audit, "stilb audit --save audit.csv"),
+        ("audit", access.audit, "stilb audit --save audit.csv"),
     ),
     "Jobs": (
         ("jobs", jobs.jobs, "stilb jobs --state failed"),
         ("events", jobs.events, "stilb events P-17"),
         ("retry", jobs.retry, "stilb retry --state failed --code temporarily_unavailable"),
         ("dismiss", jobs.dismiss, "stilb dismiss --state failed --campaign P-17"),
-        ("doctor", session.doctor, "stilb doctor"),
+        ("doctor", access.doctor, "stilb doctor"),
     ),
     "Access": (
-        ("whoami", session.whoami, "stilb whoami"),
-        ("logout", session.logout, "stilb logout"),
-        ("organisation", keys.organisation, "stilb organisation --time-zone Europe/Vienna"),
-        ("key", keys.app, "stilb key create laptop --scope read --scope upload"),
+        ("whoami", access.whoami, "stilb whoami"),
+        ("logout", access.logout, "stilb logout"),
+        ("organisation", access.organisation, "stilb organisation --time-zone Europe/Vienna"),
+        ("key", access.app, "stilb key create laptop --scope read --scope upload"),
     ),
 }
 _FIRST_STEPS: Final = (

@@ -222,7 +222,6 @@ def format_calibration(calibration: Calibration) -> list[RenderableType]:
 
 
 def read_polygon(text: str, *, option: str = "--polygon") -> list[tuple[float, float]]:
-    """Corners as they are typed."""
     corners = [_POINT.fullmatch(each) for each in text.split()]
     if len(corners) < 3 or None in corners:
         raise typer.BadParameter(f'{option} needs three corners or more: "x,y x,y x,y"')

@@ -1,13 +1,14 @@
-"""Options that all commands share (--url, --key, --json), and the output of a command as text or JSON."""
+"""Options that all commands share (--url, --key, --json), the stored login, and the output of a command."""
 
 import functools
 import inspect
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from enum import IntEnum
 from pathlib import Path
@@ -19,7 +20,6 @@ from rich.console import Console, RenderableType
 from stilb import problem, transport
 from stilb.client import Client
 from stilb.field import files, template
-from stilb.login import Login, choose_login, read_login
 from stilb.records import DEFAULT_METHOD
 
 # Wide enough that a table in a file or a pipe loses nothing.
@@ -28,6 +28,12 @@ _WIDTH_OF_A_PIPE = 240
 _RETRIES = 5
 
 Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Login:
+    url: str
+    key: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +55,6 @@ class Output:
         return Client(login.url, login.key, retries=retries, on_retry=on_retry)
 
     def answer(self, result: object, *shown: RenderableType) -> None:
-        """Write the result as one JSON document, or as text."""
         if self.as_json:
             print_json(result)
             return
@@ -79,6 +84,57 @@ def command(function: Callable[..., Answer]) -> Callable[..., Answer]:
 def config_folder() -> Path:
     """Where this user's key and journals lie."""
     return Path(typer.get_app_dir("stilb"))
+
+
+def read_login(folder: Path) -> Login | None:
+    path = _login_file(folder)
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return Login(url=kept["url"], key=kept["key"])
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError) as error:
+        raise problem.Unclear(f"{path} cannot be read. Sign in again: stilb login URL") from error
+
+
+def keep_login(folder: Path, login: Login) -> Path:
+    """Keep it for this user alone; never half of it, and not for a moment readable for others."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    draft, path = folder / "login.json.draft", _login_file(folder)
+    draft.unlink(missing_ok=True)
+    with os.fdopen(
+        os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
+    ) as file:
+        json.dump(asdict(login), file)
+    draft.replace(path)
+    return path
+
+
+def forget_login(folder: Path) -> bool:
+    path = _login_file(folder)
+    there = path.exists()
+    path.unlink(missing_ok=True)
+    return there
+
+
+def choose_login(kept: Login | None, *, url: str | None, key: str | None) -> Login:
+    """Take what was given, else what was kept; the kept key goes to the service that it was kept for only."""
+    if url is None:
+        if kept is None:
+            raise problem.Unclear("No login is stored. Sign in first: stilb login URL")
+        return Login(url=kept.url, key=key or kept.key)
+    url = url.rstrip("/")
+    if key:
+        return Login(url=url, key=key)
+    if kept is None or kept.url != url:
+        raise problem.Unclear(
+            f"No key is stored for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}"
+        )
+    return kept
+
+
+def _login_file(folder: Path) -> Path:
+    return folder / "login.json"
 
 
 def print_json(result: object) -> None:

@@ -58,7 +58,6 @@ def show_scope(scope: str | None) -> str:
 
 
 def of_coefficients(rows: Iterable[records.Coefficient]) -> Table:
-    """The coefficients of one or several versions, with what each holds for."""
     found = list(rows)
     held = {name: head for name, head in _HOLDS_FOR.items() if any(getattr(row, name) for row in found)}
     return table(
@@ -76,7 +75,6 @@ def of_coefficients(rows: Iterable[records.Coefficient]) -> Table:
 
 
 def holds_for(row: Mapping[str, Any]) -> str:
-    """A coefficient by its name and what it holds for."""
     held = [f"{head} {_plain(row[name])}" for name, head in _HOLDS_FOR.items() if name in row]
     return ", ".join([row["name"], *held])
 

@@ -1,6 +1,5 @@
 """Raw files under the name of their own SHA-256: written once, never changed, the same bytes only once."""
 
-from store.blobs.local import LocalBlobs, blobs_from_url
 from store.blobs.proof import (
     BlobDamaged,
     BlobMissing,
@@ -11,4 +10,4 @@ from store.blobs.proof import (
     StoredFile,
     prove_file,
 )
-from store.blobs.spool import Blobs, BlobWriter
+from store.blobs.spool import Blobs, BlobWriter, LocalBlobs, blobs_from_url

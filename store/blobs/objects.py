@@ -159,12 +159,6 @@ class ObjectBlobs(spool.Blobs):
     def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
         with self._found(sha256):
             stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=proof.PIECE_BYTES)
-        return self._chunks(sha256, iter(stream), pace)
-
-    def _chunks(
-        self, sha256: str, stream: Iterator[bytes], pace: Callable[[int], object] | None
-    ) -> Iterator[bytes]:
-        with self._found(sha256):
             for chunk in stream:
                 if pace is not None:
                     pace(len(chunk))

@@ -49,8 +49,6 @@ class FactsTooLong(Exception):  # noqa: N818  it says what was found
 
 
 class Facts(Record):
-    """Statements about a file, made before its first byte."""
-
     organisation_id: str
     key_id: str
     campaign_id: str
@@ -110,7 +108,6 @@ class Partials:
         return None
 
     def is_under_way(self, token: str, organisation_id: str) -> bool:
-        """Return whether the upload of this token has begun and is no frame yet."""
         known = self.find(token, organisation_id)
         return known is not None and not known.read_facts().frame_id
 
@@ -125,7 +122,6 @@ class Partials:
         return [facts for facts in found if facts.expires_at > time.time()]
 
     def sweep(self) -> int:
-        """Remove what has expired; return how many."""
         removed = 0
         for partial in (*self._under_way("*"), *self._under_way(f"*/{_DONE}")):
             with suppress(FileNotFoundError):
@@ -171,7 +167,6 @@ class Partial:
         raise RuntimeError(f"the head of {self._path} cannot be read")
 
     def read_offset(self) -> int:
-        """Return how many bytes are durable."""
         with self._open() as file:
             return _read_state(file.fileno())[0]
 

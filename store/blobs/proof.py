@@ -22,8 +22,6 @@ class BlobDamaged(Exception):  # noqa: N818 (named by the state that it reports)
 
 
 class BlobMissing(BlobDamaged):
-    """No bytes are stored under this name."""
-
     damage = "missing"
 
 
@@ -57,7 +55,6 @@ class PieceDigester:
         self._missing = PIECE_BYTES
 
     def update(self, chunk: bytes | memoryview) -> None:
-        """Take the file's next bytes, however many."""
         rest = memoryview(chunk)
         while rest:
             taken, rest = rest[: self._missing], rest[self._missing :]

@@ -9,12 +9,13 @@ from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import ColumnElement, CursorResult, select, update
+from sqlalchemy import ColumnElement, select, update
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
 from store.pulse import is_running
+from store.queries import update_where
 from store.tables import FrameRow, Job, new_id, utc_now
 
 RETRIED_FOR = timedelta(days=1)
@@ -29,8 +30,6 @@ QUARANTINE_AFTER = 3
 
 
 class Dependency(StrEnum):
-    """A resource that a job needs, and may have to wait for."""
-
     DATABASE = "database"
     BLOBS = "blobs"
     DECODER = "decoder"
@@ -117,7 +116,6 @@ def enqueue_extraction(
 
 
 def is_live(session: Session, subject_id: str) -> bool:
-    """Return True if a job for this subject waits or runs."""
     live = select(Job.id).where(Job.subject_id == subject_id, Job.state.in_(("queued", "running")))
     return session.scalar(live.limit(1)) is not None
 
@@ -156,7 +154,6 @@ def _is_dead(holder: str | None) -> bool:
 
 
 def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:
-    """Extend the lease of a job, and store its progress, a fraction of 1."""
     _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s), progress=progress)
 
 
@@ -186,26 +183,16 @@ def take_back(session: Session, lost: ColumnElement[bool]) -> int:
 def _requeue(session: Session, which: ColumnElement[bool], **values: Any) -> int:  # noqa: ANN401
     touch(session)
     again = {"state": "queued", "sent_at": None, "lease_until": None, "progress": 0.0, "due_at": utc_now()}
-    return update_where(session, which, **again, **values)
+    return update_where(session, Job, which, **again, **values)
 
 
 def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
     """End a job, in the transaction that stores what it computed."""
-    _held(
-        session, held, state="succeeded", progress=1.0, result=result, lease_until=None, finished_at=utc_now()
-    )
+    _end(session, held, state="succeeded", progress=1.0, result=result)
 
 
 def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | None = None) -> None:
-    _held(
-        session,
-        held,
-        state="failed",
-        error=error,
-        traceback=traceback,
-        lease_until=None,
-        finished_at=utc_now(),
-    )
+    _end(session, held, state="failed", error=error, traceback=traceback)
 
 
 def retry_later(
@@ -243,7 +230,7 @@ def resume(session: Session, waits_for: Dependency) -> int:
     """Make the jobs due that wait for something that is back; return how many they were."""
     waiting = IS_QUEUED & (Job.waits_for == str(waits_for))
     touch(session)
-    return update_where(session, waiting, due_at=utc_now(), waits_for=None)
+    return update_where(session, Job, waiting, due_at=utc_now(), waits_for=None)
 
 
 def retry(session: Session, chosen: ColumnElement[bool]) -> int:
@@ -269,16 +256,14 @@ def cancel(session: Session, job_id: str) -> None:
 def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -> int:
     """Mark the chosen jobs that were given up as dismissed, or undo that; how many."""
     given_up = chosen & Job.state.in_(GIVEN_UP) & (Job.dismissed_at.is_(None) == dismissed)
-    return update_where(session, given_up, dismissed_at=utc_now() if dismissed else None)
+    return update_where(session, Job, given_up, dismissed_at=utc_now() if dismissed else None)
+
+
+def _end(session: Session, held: Claim, **values: Any) -> None:  # noqa: ANN401
+    _held(session, held, lease_until=None, finished_at=utc_now(), **values)
 
 
 def _held(session: Session, held: Claim, **values: Any) -> None:  # noqa: ANN401
     mine = (Job.id == held.job_id) & (Job.state == "running") & (Job.fence == held.fence)
-    if not update_where(session, mine, **values):
+    if not update_where(session, Job, mine, **values):
         raise LeaseLost(held.job_id)
-
-
-def update_where(session: Session, where: ColumnElement[bool], **values: Any) -> int:  # noqa: ANN401
-    result = session.execute(update(Job).where(where).values(**values))
-    assert isinstance(result, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
-    return result.rowcount

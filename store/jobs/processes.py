@@ -13,13 +13,14 @@ from datetime import datetime, timedelta
 from functools import partial
 from typing import Any, Final, Literal, get_args
 
-from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, delete, insert, or_, select
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.blobs import Blobs, StorageUnavailable
 from store.blobs.partials import Partials
 from store.database import Database, SchemaDiffers, summarise
+from store.queries import update_where
 from store.tables import JobKind, PartRow, utc_now
 
 BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
@@ -48,8 +49,6 @@ _SLOT_ATTEMPTS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A process as its last heartbeat left it."""
-
     id: str
     """Its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free."""
     kind: str
@@ -112,7 +111,7 @@ class Presence:
                 found = list(session.scalars(others))
             if found:
                 with self._database.writing(self._kind) as session:
-                    session.execute(update(PartRow).where(self._is_mine).values(counts=counts))
+                    update_where(session, PartRow, self._is_mine, counts=counts)
         except SQLAlchemyError:
             return []
         return [each for each in found if each]
@@ -144,9 +143,7 @@ class Presence:
             "worked_at": now - timedelta(seconds=worked_s_ago),
             "details": self._details,
         }
-        renewed = session.execute(update(PartRow).where(self._is_mine).values(values))
-        assert isinstance(renewed, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
-        if not renewed.rowcount:
+        if not update_where(session, PartRow, self._is_mine, **values):
             taken = {part.id for part in list_parts(session) if part.state != "gone"}
             slots = (f"{self._kind}-{number}" for number in itertools.count(1))
             me = {

@@ -125,8 +125,6 @@ class Post:
             self._attempt(send)
 
     def count(self) -> dict[str, int] | None:
-        """Return how many messages wait in each queue; None if the broker does not say."""
-
         def count() -> dict[str, int]:
             with self._celery.producer_or_acquire() as producer:
                 return {name: producer.channel.queue_declare(name).message_count for name in QUEUES}

@@ -60,7 +60,6 @@ def touch_band(
     old: Calibration,
     new: Calibration,
 ) -> comparison.MeasuredChange:
-    """The change of what was measured, or why there is no figure."""
     if "index" in measurement.parameters:
         return comparison.MeasuredChange.untold("An index changes with both of its bands: measure it again.")
     band = str(measurement.result.get("band", ""))
@@ -97,8 +96,6 @@ SURE: Final = 2.0
 
 
 class Side(Record):
-    """A measurement with its frame and the version that it was made with."""
-
     measurement: Measurement
     frame: FrameRow
     calibration: Calibration
@@ -150,7 +147,6 @@ class MeasurementComparison(Record):
 def compare_measurements(
     old: Side, new: Side, *, other_region: bool = False, same_light: bool = False
 ) -> MeasurementComparison:
-    """Compare the means of two measurements of the same quantity, and their cells one by one."""
     same_region = _outline(old) == _outline(new)
     if not (same_region or other_region):
         raise database.Conflict(

@@ -202,7 +202,6 @@ def list_others(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _refuse_foreign_options(method: str, asked: Asked) -> None:
-    """Refuse the options of other methods, instead of ignoring them."""
     if get_method(method).application is None:
         able = ", ".join(spec.name for spec in METHODS if spec.application)
         raise shared.OPTION_NOT_OF_METHOD.reject(

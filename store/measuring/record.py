@@ -25,14 +25,12 @@ class Products(Record):
 
 
 def read_regions(calibration: Calibration) -> tuple[Polygon, ...]:
-    """The regions that the version was calibrated in."""
     return tuple(Polygon.from_points(points) for points in calibration.inputs["rois"].values())
 
 
 def find_measurement(
     session: Session, frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]
 ) -> Measurement | None:
-    """The measurement with this content, if it was made before."""
     content = hash_content(frame, calibration, parameters)
     return session.scalar(select(Measurement).filter_by(frame_id=frame.id, content_sha256=content))
 

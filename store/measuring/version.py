@@ -17,7 +17,7 @@ from radiometry.specification.application import Correction, SurfaceApplication
 from store.codec import decode, encode, read_applied
 from store.database import Conflict
 from store.publications import InForce, in_force, overlaps
-from store.queries import frame_times
+from store.queries import by_id, frame_times
 from store.queries.evidence import Evidence
 from store.ready.rows import write_instant
 from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation, Roi, utc_now
@@ -257,9 +257,7 @@ def _refuse_revoked(session: Session, version: Calibration) -> None:
 def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[_Light]:  # noqa: ANN401
     rows = {row.frame: row for row in evidence.frames if row.role == "light" and row.statistics}
     out = {exclusion.frame for exclusion in params.exclude}
-    rois = {
-        roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
-    }
+    rois = by_id(session, Roi, set(evidence.rois.values()))
     for name in (evidence.names[frame_id] for frame_id in sorted(evidence.names)):
         if name in rows and name not in out:
             yield _Light(rows[name], evidence.headers[name], rois[evidence.rois[name]])

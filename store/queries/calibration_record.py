@@ -138,7 +138,6 @@ def _meters_used(
 
 
 def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str, FrameAsUsed]:
-    """The frames, each with the statistics that the fit read."""
     used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
     header = tables.FrameRow.header
     rows = session.execute(

@@ -5,7 +5,7 @@ from dataclasses import field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Literal
 
-from sqlalchemy import Select, func, or_, select
+from sqlalchemy import ColumnElement, Select, case, func, or_, select
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
@@ -28,8 +28,6 @@ VersionState = Literal["draft", "published", "superseded", "revoked"]
 
 
 class VersionStatus(Record):
-    """Decisions about a version since it was made."""
-
     state: VersionState
     valid_from: datetime | None = None
     valid_to: datetime | None = None
@@ -82,27 +80,24 @@ def _find_status(rows: list[Publication], revocation: Revocation | None) -> Vers
     )
 
 
+_REVOKED = select(Revocation.calibration_id).where(Revocation.calibration_id == Calibration.id)
+_PUBLISHED = select(Publication.id).where(Publication.calibration_id == Calibration.id)
+_IN_FORCE = _PUBLISHED.where(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
+version_state: ColumnElement[str] = case(
+    (_REVOKED.exists(), "revoked"),
+    (~_PUBLISHED.exists(), "draft"),
+    (_IN_FORCE.exists(), "published"),
+    else_="superseded",
+)
+"""What has become of a version, as the database decides it."""
+
+
 def history(camera_id: str, *, method: str | None, state: str | None) -> Select[Calibration]:
-    """A camera's versions; the state is decided in the database, so that a page is a page."""
+    """A camera's versions, by their state in the database, so that a page is a page."""
     rows = select(Calibration).where(Calibration.camera_id == camera_id)
     if method is not None:
         rows = rows.where(Calibration.method == method)
-    revoked = select(Revocation.calibration_id)
-    published = select(Publication.calibration_id)
-    in_force = published.where(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
-    match state:
-        case "revoked":
-            return rows.where(Calibration.id.in_(revoked))
-        case "draft":
-            return rows.where(Calibration.id.not_in(published), Calibration.id.not_in(revoked))
-        case "published":
-            return rows.where(Calibration.id.in_(in_force), Calibration.id.not_in(revoked))
-        case "superseded":
-            return rows.where(
-                Calibration.id.in_(published), Calibration.id.not_in(in_force), Calibration.id.not_in(revoked)
-            )
-        case _:
-            return rows
+    return rows if state is None else rows.where(version_state == state)
 
 
 def coefficients_of(session: Session, calibration_ids: list[str]) -> Mapping[str, list[CoefficientRow]]:
@@ -118,8 +113,6 @@ def next_version(session: Session, camera_id: str, method: str) -> int:
 
 
 class Act(Record):
-    """One publishing of a version: by whom, when, and what was said."""
-
     by: str
     publication: Publication
 
@@ -152,13 +145,9 @@ def list_publishings(session: Session, slot_ids: Select[int]) -> list[Act]:
 
 def list_decisions(session: Session, camera_id: str) -> list[Decision]:
     """Everything that was decided of a camera's versions, newest first."""
-    versions = {
-        row.id: row for row in session.scalars(select(Calibration).where(Calibration.camera_id == camera_id))
-    }
-    found = [
-        Decision(act="made", calibration=row, at=row.created_at, by=row.created_by)
-        for row in versions.values()
-    ]
+    rows = session.scalars(select(Calibration).where(Calibration.camera_id == camera_id)).all()
+    versions = {row.id: row for row in rows}
+    found = [Decision(act="made", calibration=row, at=row.created_at, by=row.created_by) for row in rows]
     for act in list_publishings(session, select(Slot.id).where(Slot.camera_id == camera_id)):
         row = act.publication
         found.append(

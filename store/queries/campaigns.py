@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC
 from typing import Any, Final
 
@@ -17,7 +16,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.records import Record, about
 from store import jobs
 from store.queries.frame_times import find_time, read_zones
-from store.queries.frames import extractor_of, region_ids
+from store.queries.frames import Placed, extractor_of, region_ids
 from store.tables import (
     Blob,
     Campaign,
@@ -50,7 +49,6 @@ class Counts(Record):
 
 
 def count(session: Session, campaign: Campaign) -> Counts:
-    """Count what has arrived, and how far it has come."""
     counted = select(FrameRow.state, func.count()).group_by(FrameRow.state)
     rows = counted.where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
     states = {row[0]: row[1] for row in session.execute(rows)}
@@ -223,15 +221,6 @@ COLUMNS = {
 _GREEN = frozenset({"G", "G1", "G2"})
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
-    """A frame as `region_ids` asks for it."""
-
-    id: str
-    roi_id: str | None
-    size_px: tuple[int, int] | None
-
-
 def read_grid(
     session: Session, campaign: Campaign, *, after: str, limit: int, since: int | None = None
 ) -> list[dict[str, Any]]:
@@ -254,7 +243,7 @@ def read_grid(
     if not frames:
         return frames
     placed = [
-        _Placed(f["id"], f["roi_id"], (f["width_px"], f["height_px"]) if f["width_px"] else None)
+        Placed(f["id"], f["roi_id"], (f["width_px"], f["height_px"]) if f["width_px"] else None)
         for f in frames
     ]
     regions = region_ids(session, campaign, placed)
@@ -278,7 +267,6 @@ def read_grid(
 def _read_signals(
     session: Session, campaign: Campaign, chosen: ColumnElement[bool]
 ) -> dict[tuple[str, str], tuple[float, float]]:
-    """Signal and clipping of some frames, by frame and region."""
     rows: Any = session.execute(
         select(
             *(Extraction.frame_id, Extraction.roi_id),
@@ -352,7 +340,6 @@ def write_canonical(value: object) -> bytes:
 
 
 def find_manifest(session: Session, campaign: Campaign, manifest_id: str | None) -> Manifest | None:
-    """Return a campaign's manifest with this id, else its newest."""
     rows = select(Manifest).where(Manifest.campaign_id == campaign.id)
     if manifest_id is not None:
         rows = rows.where(Manifest.id == manifest_id)

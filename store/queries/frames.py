@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 from sqlalchemy import Select, Text, cast, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
@@ -59,20 +59,13 @@ class Memory:
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 
 
-class Sized(Protocol):
-    """A frame, as an entity or in columns."""
-
-    @property
-    def id(self) -> str: ...
-    @property
-    def roi_id(self) -> str | None: ...
-    @property
-    def size_px(self) -> tuple[int, int] | None: ...
+class Placed(NamedTuple):
+    id: str
+    roi_id: str | None
+    size_px: tuple[int, int] | None
 
 
 class NewFrame(records.Record):
-    """A frame as it was uploaded: what the field team says of it."""
-
     blob: blobs.StoredBlob
     filename: str
     role: str
@@ -82,7 +75,6 @@ class NewFrame(records.Record):
 
 
 def require_role(campaign: Campaign, role: str) -> None:
-    """Refuse every role but that of field frames in a night of measurements."""
     if campaign.measures and role != FIELD.name:
         raise Conflict(
             interface.MEASUREMENTS_ONLY,
@@ -173,7 +165,9 @@ def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | 
     return session.get_one(Roi, roi_id) if roi_id else None
 
 
-def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) -> dict[str, str | None]:
+def region_ids(
+    session: Session, campaign: Campaign, frames: Iterable["Placed | FrameRow | FrameColumns"]
+) -> dict[str, str | None]:
     """The region that holds for each frame now, by the frame's id; None where there is none yet."""
     ids = {frame.id: frame.roi_id or campaign.roi_id for frame in frames}
     if campaign.roi_id is not None or not methods.get_method(campaign.method).whole_frame:
@@ -189,7 +183,6 @@ def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) 
 
 
 def whole_frame_of(frame: FrameRow) -> Polygon:
-    """The region that is all of a frame that has been read."""
     assert frame.size_px is not None  # noqa: S101  it has been read
     return whole_frame(*frame.size_px)
 
@@ -247,7 +240,6 @@ def statistics_of(
 
 
 def extractions_of(session: Session, frame_ids: list[str]) -> Mapping[str, list[Extraction]]:
-    """Every extraction of each frame, oldest first."""
     mine = select(Extraction).where(Extraction.frame_id.in_(frame_ids)).order_by(Extraction.id)
     return group_by(session.scalars(mine), lambda row: row.frame_id)
 
@@ -276,24 +268,16 @@ class FrameColumns(verdicts.Keeping):
     state: str
     refusal_detail: str | None
 
-    @classmethod
-    def of(cls, row: FrameRow) -> "FrameColumns":
-        return cls(
-            tuple(row.warnings),
-            row.left_out,
-            row.found or {},
-            codec.decode(FrameHeader, row.header) if row.header else None,
-            codec.decode(Exposure, row.exposure) if row.exposure else None,
-            json.dumps(row.proof),
-            *(getattr(row, column.key) for column in _PLAIN),
-        )
+    @staticmethod
+    def of(row: FrameRow) -> "FrameColumns":
+        texts = (json.dumps(getattr(row, column.key)) for column in _JSON)
+        return _decode([*texts, *(getattr(row, column.key) for column in _PLAIN)])
 
     @property
     def size_px(self) -> tuple[int, int] | None:
         return (self.header.width_px, self.header.height_px) if self.header else None
 
     def describe_doubt(self) -> str:
-        """Return what is doubtful in the pixels of a frame of which a part is empty."""
         proof: Proof = codec.read_text(Proof, self.proof)
         assert self.header is not None  # noqa: S101  its pixels were read
         return proof.describe_doubt(self.header)

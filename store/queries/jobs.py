@@ -9,6 +9,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, PREVIEW_LANE, processes, queues
+from store.queries import by_id
 from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage, utc_now
 
 MOST_COUNTED = 2000
@@ -64,8 +65,7 @@ def list_causes(session: Session, organisation_id: str) -> list[Cause]:
         .group_by(Job.state, Job.kind, code, func.coalesce(FrameRow.campaign_id, Job.subject_id))
     )
     counts = {row[1]: row[0] for row in session.execute(groups)}
-    rows = session.scalars(select(Job).where(Job.id.in_(counts)))
-    causes = [Cause(count=counts[row.id], newest=row) for row in rows]
+    causes = [Cause(count=counts[key], newest=row) for key, row in by_id(session, Job, counts).items()]
     return sorted(causes, key=lambda cause: (-cause.count, cause.newest.id))
 
 
@@ -101,11 +101,6 @@ def find_reading_jobs(session: Session, frame_ids: Collection[str]) -> dict[str,
     return {row[0]: row[1] for row in session.execute(rows)}
 
 
-def frames_of(session: Session, jobs: Sequence[Job]) -> dict[str, FrameRow]:
-    ids = {job.subject_id for job in jobs}
-    return {row.id: row for row in session.scalars(select(FrameRow).where(FrameRow.id.in_(ids)))}
-
-
 def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
     """How long the job that has waited longest has been due [s], of all or of one; 0 when none waits."""
     now = utc_now()
@@ -123,8 +118,6 @@ _BEGUN = ("running", *GIVEN_UP)
 
 
 class QueueCounts(Record):
-    """Counts of what is under way, by its indexes."""
-
     jobs: dict[str, int]
     """By state, but those that succeeded."""
     oldest_queued_s: float
@@ -146,7 +139,6 @@ class QueueCounts(Record):
 
     @property
     def sandboxes(self) -> dict[str, int]:
-        """Workers at work, by the level of their decoders' sandbox."""
         said = (part.details.get("decoder_sandbox") for part in self._working())
         return Counter(sandbox["level"] for sandbox in said if sandbox)
 

@@ -117,7 +117,6 @@ async def find_holder(database: Database, secret: str, *, noted_since: datetime)
 
 
 def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation] | None:
-    """The same, by the key's id."""
     row = session.execute(_keys().where(ApiKey.id == key_id, *_in_force())).first()
     return (row[0], row[1]) if row else None
 
@@ -140,7 +139,6 @@ def find_in_force(session: Session, callers: Collection[Who]) -> set[Who]:
 
 
 def find_ended_key(session: Session, secret: str) -> ApiKey | None:
-    """The key that was revoked or has expired."""
     return session.scalar(
         select(ApiKey).where(ApiKey.sha256 == hash_secret(secret), not_(and_(*_in_force())))
     )
@@ -200,14 +198,13 @@ def _keys() -> Select[ApiKey, Organisation]:
     return select(ApiKey, Organisation).join(Organisation, Organisation.id == ApiKey.organisation_id)
 
 
-def _in_force() -> tuple[ColumnElement[bool], ...]:
-    return ApiKey.revoked_at.is_(None), ApiKey.expires_at.is_(None) | (ApiKey.expires_at > utc_now())
+def _in_force(now: Any = None) -> tuple[ColumnElement[bool], ...]:  # noqa: ANN401  a time or a parameter
+    lasts = ApiKey.expires_at > (utc_now() if now is None else now)
+    return ApiKey.revoked_at.is_(None), ApiKey.expires_at.is_(None) | lasts
 
 
 IS_HOLDERS: Final = and_(
-    ApiKey.sha256 == bindparam("sha256"),
-    ApiKey.revoked_at.is_(None),
-    ApiKey.expires_at.is_(None) | (ApiKey.expires_at > bindparam("now", type_=UtcDateTime)),
+    ApiKey.sha256 == bindparam("sha256"), *_in_force(bindparam("now", type_=UtcDateTime))
 )
 """The condition of the key that is in force `now`, by its `sha256`."""
 _HOLDER: Final = (

@@ -15,8 +15,6 @@ from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot, UtcDateTime
 
 @dataclass(frozen=True)
 class Held:
-    """The ready answer of one publication in force."""
-
     organisation_id: str
     calibration_id: str
     etag: str

@@ -16,7 +16,9 @@ from radiometry.fitting.curve import coverage_factor
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from store.codec import read_applied
+from store.queries import by_id
 from store.queries.calibration_record import state_coefficients
+from store.queries.calibrations import coefficients_of
 from store.queries.frame_times import Zones, read_frame_time
 from store.tables import (
     Base,
@@ -109,11 +111,7 @@ def describe_validity(version: int, publication: Publication) -> str:
 def write_ready(session: Session, publications: list[Publication]) -> None:
     """Write the ready rows of publications, which the session has flushed."""
     ids = list({row.calibration_id for row in publications})
-    versions = {row.id: row for row in session.scalars(select(Calibration).where(Calibration.id.in_(ids)))}
-    coefficients: dict[str, list[CoefficientRow]] = {each: [] for each in ids}
-    owned = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(ids))
-    for each in session.scalars(owned.order_by(CoefficientRow.position)):
-        coefficients[each.calibration_id].append(each)
+    versions, coefficients = by_id(session, Calibration, ids), coefficients_of(session, ids)
     made = [
         make_ready(row, versions[row.calibration_id], coefficients[row.calibration_id])
         for row in publications
@@ -346,7 +344,6 @@ def _flags_of(raised: list[dict[str, Any]]) -> list[str]:
 
 
 def list_passed(calibration: Calibration, frame: FrameRow) -> list[dict[str, Any]]:
-    """Return those flags with their place and detail."""
     iso = (frame.exposure or {}).get("iso")
     places = {"", *([f"iso {iso:g}"] if iso else [])}
     passed_on = get_method(calibration.method).passed_on

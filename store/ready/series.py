@@ -7,23 +7,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, ClassVar
 
-from sqlalchemy import ColumnElement, Select, and_, case, func, literal, select, tuple_
+from sqlalchemy import ColumnElement, Select, func, literal, select, tuple_
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from store.database import Database, read_plainly
+from store.queries.calibrations import version_state
 from store.ready.rows import BODY, COLUMNS, FLAGS, STATE, is_plain, read_records, write_instant, write_record
-from store.tables import (
-    AuditEntry,
-    Calibration,
-    Camera,
-    MeasuredRow,
-    Measurement,
-    Publication,
-    ReadyCells,
-    ReadyRow,
-    Revocation,
-)
+from store.tables import AuditEntry, Calibration, Camera, MeasuredRow, Measurement, ReadyCells, ReadyRow
 from store.tables.audit import IN_SERIES
 from store.tables.base import utc_now
 
@@ -58,7 +49,6 @@ def cut(records: list[str]) -> Iterator[Page]:
 
 
 def match_equal(row: Any, asked: Asked, *names: str) -> Iterator[ColumnElement[bool]]:  # noqa: ANN401
-    """Match the columns for which a value was asked."""
     for name in names:
         if getattr(asked, name) is not None:
             yield getattr(row, name) == getattr(asked, name)
@@ -110,7 +100,12 @@ _MOST_PLACES = 1 << 31
 _VERSIONS = 1000
 
 
-class CoefficientSeries:
+class _Series:
+    def __init__(self, database: Database, asked: Asked) -> None:
+        self._database, self._asked = database, asked
+
+
+class CoefficientSeries(_Series):
     """Every coefficient of every version in force at some time, by camera, time and method, as known now."""
 
     _KEY: ClassVar[tuple[Any, ...]] = (
@@ -120,12 +115,7 @@ class CoefficientSeries:
         ReadyRow.publication_id,
     )
 
-    def __init__(self, database: Database, asked: Asked) -> None:
-        self._database = database
-        self._asked = asked
-
     def is_place(self, key: Key) -> bool:
-        """Return whether a list from outside can be a place in this series."""
         return (
             len(key) == 5
             and all(map(is_text, key[:4]))
@@ -256,17 +246,13 @@ STATE_FLAGS = {
 """Flag of what was measured with a version in this state."""
 
 
-class MeasurementSeries:
+class MeasurementSeries(_Series):
     """Every measurement, by the time at which its frame was taken."""
 
     _KEY: ClassVar[tuple[Any, ...]] = (
         MeasuredRow.__table__.c.taken_from,
         MeasuredRow.__table__.c.measurement_id,
     )
-
-    def __init__(self, database: Database, asked: Asked) -> None:
-        self._database = database
-        self._asked = asked
 
     def is_place(self, key: Key) -> bool:
         return len(key) == 2 and all(map(is_text, key)) and is_instant(key[0])
@@ -356,7 +342,6 @@ def _join_flags(flags: str, raised: list[str]) -> str:
 
 
 def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
-    """Return make, model and serial number of each camera, as a record has them."""
     if not camera_ids:
         return {}
     columns = Camera.id, Camera.make, Camera.model, Camera.serial
@@ -365,21 +350,9 @@ def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
 
 
 def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, State]:
-    """Return number and state of each version, without the rest of its status."""
     if not calibration_ids:
         return {}
-    published = select(Publication.id).where(Publication.calibration_id == Calibration.id)
-    stands = and_(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
-    state = case(
-        (
-            select(Revocation.calibration_id).where(Revocation.calibration_id == Calibration.id).exists(),
-            "revoked",
-        ),
-        (~published.exists(), "draft"),
-        (published.where(stands).exists(), "published"),
-        else_="superseded",
-    )
-    wanted = select(Calibration.id, Calibration.version, state)
+    wanted = select(Calibration.id, Calibration.version, version_state)
     rows = session.execute(wanted.where(Calibration.id.in_(calibration_ids)))
     return {row[0]: (row[1], row[2]) for row in rows}
 

@@ -12,8 +12,6 @@ IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revo
 
 
 class AuditEntry(Base):
-    """One entry of the audit trail."""
-
     __tablename__ = "audit_entry"
     __table_args__ = (
         Index("ix_audit_entry_subject", "subject_id", "seq"),

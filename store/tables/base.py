@@ -7,7 +7,7 @@ from typing import Any, ClassVar, get_args
 
 from sqlalchemy import JSON, CheckConstraint, DateTime, Dialect, Index, MetaData, String, TextClause
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.orm import DeclarativeBase, Session
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.types import TypeDecorator
 
 
@@ -68,13 +68,16 @@ class Base(DeclarativeBase):
 
 
 def index_some(name: str, *columns: str, where: TextClause) -> Index:
-    """Return an index of the rows for which a condition holds."""
     return Index(name, *columns, sqlite_where=where, postgresql_where=where)
 
 
 def one_of(column: str, values: Any) -> CheckConstraint:  # noqa: ANN401  a Literal
     """Check that a column has one of the values of a Literal."""
     return CheckConstraint(f"{column} IN {get_args(values)}", f"{column}_known")
+
+
+class Dated:
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class Audited:

@@ -5,10 +5,20 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, index_some, new_id, utc_now
+from store.tables.base import (
+    Audited,
+    AuditedTogether,
+    Base,
+    Dated,
+    Json,
+    UtcDateTime,
+    index_some,
+    new_id,
+    utc_now,
+)
 
 
-class Calibration(Audited, Base):
+class Calibration(Audited, Dated, Base):
     """One version, complete and immutable (triggers hold it). Its state follows from publications."""
 
     __tablename__ = "calibration"
@@ -36,7 +46,6 @@ class Calibration(Audited, Base):
     content_sha256: Mapped[str] = mapped_column(String(64))
     """Over inputs, parameters and code version: the same content is the same version."""
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class CoefficientRow(AuditedTogether, Base):
@@ -136,7 +145,7 @@ class IssuedCertificate(Audited, Base):
     issued_at: Mapped[datetime] = mapped_column(UtcDateTime)
 
 
-class Measurement(Audited, Base):
+class Measurement(Audited, Dated, Base):
     """One measurement, complete and immutable (triggers hold it)."""
 
     __tablename__ = "measurement"
@@ -164,7 +173,6 @@ class Measurement(Audited, Base):
     map_tif_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class ReadyRow(Base):
@@ -195,8 +203,6 @@ class ReadyRow(Base):
 
 
 class ReadyAnswer(Base):
-    """The coefficients of a publication as they are answered."""
-
     __tablename__ = "ready_answer"
 
     publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
@@ -216,8 +222,6 @@ class ReadyCells(Base):
 
 
 class MeasuredRow(Base):
-    """A measurement as one row of a series."""
-
     __tablename__ = "measured"
     __table_args__ = (
         Index("ix_measured_organisation_id", "organisation_id", "taken_from", "measurement_id"),

@@ -12,6 +12,7 @@ from store.tables.base import (
     Audited,
     AuditedTogether,
     Base,
+    Dated,
     Json,
     UtcDateTime,
     index_some,
@@ -24,9 +25,7 @@ CampaignKind = Literal["calibration", "measurement"]
 FrameState = Literal["received", "read", "extracted", "refused"]
 
 
-class Campaign(Audited, Base):
-    """A campaign of one camera and one method."""
-
+class Campaign(Audited, Dated, Base):
     __tablename__ = "campaign"
     __table_args__ = (
         one_of("kind", CampaignKind),
@@ -71,15 +70,13 @@ class Campaign(Audited, Base):
     target: Mapped[Json | None] = mapped_column(default=None)
     """What is photographed, where the method must know it to read a frame: a board, an edge."""
     archived_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
     @property
     def measures(self) -> bool:
-        """Return True for a night of measurements."""
         return self.kind == "measurement"
 
 
-class Roi(Audited, Base):
+class Roi(Audited, Dated, Base):
     """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
 
     __tablename__ = "roi"
@@ -92,12 +89,9 @@ class Roi(Audited, Base):
     """Corners; of several parts together those of the rectangle around them."""
     parts: Mapped[list[Any] | None] = mapped_column(default=None)
     """Name and points of each part, where there are several."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Reading(Audited, Base):
-    """One meter reading of one scene."""
-
+class Reading(Audited, Dated, Base):
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
@@ -115,12 +109,11 @@ class Reading(Audited, Base):
     taken_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     reason: Mapped[str | None]
     """Why it is right although its frames speak against it."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     """A mistyped reading is withdrawn, not deleted."""
 
 
-class Blob(Base):
+class Blob(Dated, Base):
     """Bytes that the blob store keeps under their hash."""
 
     __tablename__ = "blob"
@@ -139,10 +132,9 @@ class Blob(Base):
     """When all of it was last found to hash to its name."""
     damage: Mapped[Damage | None] = mapped_column(String, default=None)
     """Since it was found other than it was stored; the same upload ends that."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class FrameRow(Audited, Base):
+class FrameRow(Audited, Dated, Base):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
@@ -188,7 +180,6 @@ class FrameRow(Audited, Base):
     """``reason`` and ``by`` where a person excluded it from every fit."""
     withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     """Of a frame that no longer belongs to its campaign; it can be restored."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
     @property
     def size_px(self) -> tuple[int, int] | None:
@@ -196,7 +187,7 @@ class FrameRow(Audited, Base):
         return (self.header["width_px"], self.header["height_px"]) if self.header else None
 
 
-class Extraction(Audited, Base):
+class Extraction(Audited, Dated, Base):
     """The statistics of one frame in one region by one version of the code: made once, never changed."""
 
     __tablename__ = "extraction"
@@ -209,12 +200,9 @@ class Extraction(Audited, Base):
     extractor: Mapped[str]
     features: Mapped[Json | None] = mapped_column(default=None)
     """The method's own figures beside the statistics."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class ChannelRow(AuditedTogether, Base):
-    """One channel's row of an extraction."""
-
     __tablename__ = "channel_statistics"
     __table_args__ = (
         CheckConstraint("n > 0", "n_positive"),
@@ -236,7 +224,7 @@ class ChannelRow(AuditedTogether, Base):
     white_level_dn: Mapped[float]
 
 
-class Crop(Base):
+class Crop(Dated, Base):
     """A picture that can be drawn again from its frame; derived, so never audited."""
 
     __tablename__ = "crop"
@@ -251,7 +239,6 @@ class Crop(Base):
     asked: Mapped[str]
     job_id: Mapped[str] = mapped_column(ForeignKey("job.id"))
     png: Mapped[bytes]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class CampaignReview(Base):
@@ -315,7 +302,7 @@ class SmallPreview(Base):
     webp: Mapped[bytes]
 
 
-class Rendering(Base):
+class Rendering(Dated, Base):
     """A certificate, a report or a version's plot as it was rendered: the same content is rendered once."""
 
     __tablename__ = "rendering"
@@ -323,10 +310,9 @@ class Rendering(Base):
     source_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
     """Of all that goes in, and of how it is rendered."""
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Manifest(Audited, Base):
+class Manifest(Audited, Dated, Base):
     """Contents of a card, as the sender lists them; never changed."""
 
     __tablename__ = "manifest"
@@ -344,10 +330,9 @@ class Manifest(Audited, Base):
     files: Mapped[list[Any]]
     others: Mapped[list[Any]]
     """Files of the card that are not sent."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class SigningKey(Audited, Base):
+class SigningKey(Audited, Dated, Base):
     """A public key of this service; none is ever removed, so that old receipts can be verified."""
 
     __tablename__ = "signing_key"
@@ -355,7 +340,6 @@ class SigningKey(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True)
     public_key: Mapped[str]
     """PEM."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
 class ChecklistTick(Audited, Base):
@@ -385,7 +369,7 @@ class ChecklistSignature(Audited, Base):
     """Of the campaign's details, frames, readings and region as they were signed."""
 
 
-class Recall(Audited, Base):
+class Recall(Audited, Dated, Base):
     """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"
@@ -398,6 +382,5 @@ class Recall(Audited, Base):
     calibration_ids: Mapped[list[Any]]
     """What the review saw: confirming revokes these and refuses when the cause has found others since."""
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     confirmed_by: Mapped[str | None]
     confirmed_at: Mapped[datetime | None] = mapped_column(UtcDateTime)

@@ -7,7 +7,7 @@ from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.log_fields import present_request_id
-from store.tables.base import Base, Json, UtcDateTime, index_some, new_id, one_of, utc_now
+from store.tables.base import Base, Dated, Json, UtcDateTime, index_some, new_id, one_of, utc_now
 
 JobKind = Literal["extract", "fit", "measure"]
 JobState = Literal["queued", "running", "succeeded", "failed", "quarantined"]
@@ -17,9 +17,7 @@ _SENT = text("state = 'queued' AND sent_at IS NOT NULL")
 _READING = text("kind = 'extract' AND state IN ('queued', 'running')")
 
 
-class Job(Base):
-    """One unit of work for a worker."""
-
+class Job(Dated, Base):
     __tablename__ = "job"
     __table_args__ = (
         one_of("kind", JobKind),
@@ -70,7 +68,6 @@ class Job(Base):
     traceback: Mapped[str | None]
     """Kept for the operator, never served."""
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     dismissed_at: Mapped[datetime | None] = mapped_column(
         UtcDateTime,

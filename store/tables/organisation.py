@@ -6,13 +6,13 @@ from typing import Any, ClassVar, Literal
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, one_of, utc_now
+from store.tables.base import Audited, Base, Dated, Json, UtcDateTime, new_id, one_of
 
 MeterKind = Literal["luminance", "illuminance", "sunshine"]
 _WHO = "Who uses the key, as certificates name who fitted and who approved."
 
 
-class Organisation(Audited, Base):
+class Organisation(Audited, Dated, Base):
     __tablename__ = "organisation"
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("org"))
@@ -25,10 +25,9 @@ class Organisation(Audited, Base):
     """Publishing is refused, not only warned of, while a certificate lacks what ISO/IEC 17025 asks for."""
     time_zone: Mapped[str | None]
     """Of the clocks of its cameras, for files without an offset: an IANA name or an offset."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class ApiKey(Audited, Base):
+class ApiKey(Audited, Dated, Base):
     """A key of one organisation, known by its hash."""
 
     __tablename__ = "api_key"
@@ -42,13 +41,12 @@ class ApiKey(Audited, Base):
     role: Mapped[str | None] = mapped_column(doc=_WHO)
     sha256: Mapped[str] = mapped_column(String(64), unique=True)
     scopes: Mapped[list[str]]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     expires_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
     last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
     revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
 
 
-class WebSession(Audited, Base):
+class WebSession(Audited, Dated, Base):
     """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
 
     __tablename__ = "web_session"
@@ -58,7 +56,6 @@ class WebSession(Audited, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
     browser: Mapped[str | None] = mapped_column(doc="As it names itself.")
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
     last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
     ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
@@ -80,7 +77,7 @@ class Usage(Base):
     """When it was last counted by adding up."""
 
 
-class IdempotentAnswer(Base):
+class IdempotentAnswer(Dated, Base):
     """The answer to a request that carried an Idempotency-Key, kept to be given again."""
 
     __tablename__ = "idempotent_answer"
@@ -92,10 +89,9 @@ class IdempotentAnswer(Base):
     status: Mapped[int]
     headers: Mapped[Json]
     body: Mapped[Json]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Camera(Audited, Base):
+class Camera(Audited, Dated, Base):
     __tablename__ = "camera"
     __table_args__ = (
         UniqueConstraint("organisation_id", "make", "model", "serial"),
@@ -114,10 +110,9 @@ class Camera(Audited, Base):
     pixel_pitch_um: Mapped[float | None]
     sensor_width_mm: Mapped[float | None]
     note: Mapped[str | None]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Meter(Audited, Base):
+class Meter(Audited, Dated, Base):
     __tablename__ = "meter"
     __table_args__ = (
         UniqueConstraint("organisation_id", "kind", "make", "model", "serial"),
@@ -142,10 +137,9 @@ class Meter(Audited, Base):
     certificate_due_on: Mapped[date | None]
     certificate_expanded_uncertainty_rel: Mapped[float | None]
     certificate_coverage_factor: Mapped[float | None]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Panel(Audited, Base):
+class Panel(Audited, Dated, Base):
     """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
 
     __tablename__ = "panel"
@@ -157,10 +151,9 @@ class Panel(Audited, Base):
     measured_on: Mapped[date]
     bands: Mapped[list[Any]]
     """Of each band its name, its reflectance and, where stated, the standard uncertainty of that."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Rig(Audited, Base):
+class Rig(Audited, Dated, Base):
     """Cameras that are mounted together; with another camera it is another rig."""
 
     __tablename__ = "rig"
@@ -171,4 +164,3 @@ class Rig(Audited, Base):
     name: Mapped[str]
     camera_ids: Mapped[list[str]]
     """The reference first."""
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

@@ -10,10 +10,10 @@ import pytest
 import typer
 
 import stilb
+from stilb.commands.access import examine_health
 from stilb.commands.app import app
 from stilb.commands.calibration import list_reasons, show_rig
 from stilb.commands.output import Exit, exit_of, next_step, read_moment
-from stilb.commands.session import examine_health
 from store.software import read_version
 from tests.support.campaigns import K_TRUE
 from tests.support.compose import ROOT

@@ -18,7 +18,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from stilb.login import Login, keep_login
+from stilb.commands.output import Login, keep_login
 from stilb.transport import read_version
 from tests.support.compose import ROOT
 from tests.support.processes import wait_until

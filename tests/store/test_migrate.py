@@ -15,8 +15,8 @@ from sqlalchemy import CheckConstraint, func, inspect, select, text
 from sqlalchemy.exc import IntegrityError
 
 from service.__main__ import found
-from store.database import Database
-from store.migrate import NewerSchema, alembic_config, find_difference, migrate
+from store.database import Database, SchemaDiffers
+from store.migrate import alembic_config, find_difference, migrate
 from store.publications import publish
 from store.software import own_schema
 from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
@@ -109,7 +109,7 @@ def test_each_step_down_leaves_the_one_before(database):
 def test_a_newer_database_is_refused_and_left_alone(database):
     with database.engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-    with pytest.raises(NewerSchema, match="9999"):
+    with pytest.raises(SchemaDiffers, match="9999"):
         migrate(database)
     with database.engine.connect() as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"

@@ -85,7 +85,6 @@ class Budget:
         self.allow(0)
 
     def allow(self, samples: int) -> None:
-        """Widen the limits to what a frame of so many samples needs."""
         most = self._bounds.memory_bytes
         memory = min(most, self._base + _BYTES_PER_SAMPLE * samples)
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
@@ -93,7 +92,6 @@ class Budget:
         self.begin_request()
 
     def begin_request(self) -> None:
-        """Count the processor's time from now on."""
         used = resource.getrusage(resource.RUSAGE_SELF)
         _, hard = resource.getrlimit(resource.RLIMIT_CPU)
         allowed = int(used.ru_utime + used.ru_stime) + 1 + min(self._cpu_s, self._bounds.cpu_seconds)

@@ -117,8 +117,6 @@ def _refuse(*_declaration: object) -> None:
 
 
 class Xmp:
-    """The packet's values as texts and numbers."""
-
     def __init__(self, found: Properties) -> None:
         self._found = found
 

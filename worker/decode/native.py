@@ -64,7 +64,6 @@ class DigestCheck:
         self._rows = 0
 
     def add(self, rows: NDArray[np.uint16]) -> None:
-        """Take the next rows (row, col)."""
         if not self._stated.tiled:
             self._whole.update(rows.astype("<u2").tobytes())
             return
@@ -76,7 +75,6 @@ class DigestCheck:
             self._waiting, self._rows = [together[_TILE_PX:]], len(together) - _TILE_PX
 
     def matches(self) -> bool:
-        """Return True if the rows are those that the digest was made of."""
         if self._rows:
             self._add_tiles(np.concatenate(self._waiting))
             self._waiting, self._rows = [], 0

@@ -124,7 +124,6 @@ class Nursery:
 
     @property
     def pid(self) -> int | None:
-        """Return the zygote's process id."""
         return self._pid[0] or None
 
     def start(self) -> Sandbox:
@@ -375,8 +374,6 @@ class DecoderPool:
 
 
 class _Decoder:
-    """One file and its cell."""
-
     def __init__(self, nursery: Nursery, bounds: DecoderLimits, file: Readable) -> None:
         self._nursery = nursery
         self._bounds = bounds

@@ -62,7 +62,6 @@ def make_smallest_dng() -> bytes:
 
 
 def make_smallest_stream() -> bytes:
-    """Return a lossless JPEG of zeros."""
     return bytes(imagecodecs.ljpeg_encode(np.zeros((_SIDE_PX, _SIDE_PX), np.uint16), bitspersample=16))
 
 

@@ -21,7 +21,6 @@ Table = NDArray[np.uint8]
 
 
 def make_colours() -> Table:
-    """The table, (256, 3) sRGB."""
     share = np.linspace(0.0, 1.0, COLOURS)
     lightness = _LIGHTNESS[0] + (_LIGHTNESS[1] - _LIGHTNESS[0]) * share
     # the short way round, through red

@@ -319,7 +319,6 @@ def write_bands(
 
 
 def _place_region(capture: Capture, application: BandApplication) -> list[Task]:
-    """Return the tasks with the region as each band sees it."""
     first, *others = capture.tasks.values()
     matrices = [each.matrix for each in capture.alignment]
     pairs = [(each.header, matrix) for each, matrix in zip(others, matrices, strict=True)]

@@ -33,7 +33,6 @@ def make_subject(
     header: FrameHeader,
     scale: Any,  # noqa: ANN401  the method's own
 ) -> making.Subject:
-    """Return the frame as the subject of a map of one scale."""
     return making.Subject(
         file=file,
         header=header,

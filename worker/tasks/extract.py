@@ -8,7 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings import InputRejected, files, shared
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Acceptance, Camera, Exposure, SuppliedExposure, accept_frame
@@ -153,14 +153,10 @@ def extract(context: Context, claim: jobs.Claim) -> Outcome:
     with context.database.reading() as session:
         subject = _load(session, claim.subject_id)
     try:
-        with context.files.local(subject.frame.sha256) as file, context.decoders.hold(file):
+        with context.lend(subject.frame.sha256) as file:
             found = _read(context, claim, subject, file)
     except InputRejected as refusal:
         return _refuse(subject.frame.id, refusal)
-    except DecoderCrashed as crash:
-        # a file that cannot be read back ends a decoder too: only a whole one is blamed
-        context.files.prove(subject.frame.sha256)
-        return _refuse(subject.frame.id, InputRejected(files.DECODER_CRASHED, crash.message))
     return Outcome(store=lambda session: _store(session, subject, found), rejection=found.region_refused)
 
 

@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame, roi, statistics
 from store import codec, jobs
 from store.queries.campaigns import keep_crop, say_asked
 from store.tables import Crop, FrameRow, new_id
 from worker.context import Context, Outcome
-from worker.decode.pool import DecoderCrashed
 
 
 def look(context: Context, claim: jobs.Claim) -> Outcome:
@@ -25,7 +23,9 @@ def look(context: Context, claim: jobs.Claim) -> Outcome:
     header = codec.decode_header(frame.header or {})
     polygon = roi.Polygon.from_points(claim.parameters["polygon"])
     window = roi.bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
-    pixels = read_pixels(context, frame, (window.row0, window.col0, window.height, window.width))
+    with context.lend(frame.sha256) as file:
+        part = (window.row0, window.col0, window.height, window.width)
+        pixels = context.decoders.read_window(file, part)
     inside = roi.mask(polygon, window)
     result = {
         "frame_id": frame.id,
@@ -35,16 +35,6 @@ def look(context: Context, claim: jobs.Claim) -> Outcome:
         "clipping": asdict(statistics.map_clipping(pixels, inside)),
     }
     return Outcome(store=lambda _session: result)
-
-
-def read_pixels(context: Context, frame: FrameRow, window: tuple[int, int, int, int]) -> Frame:
-    """Read a window (row0, col0, height, width) of a frame; only a whole file is blamed for a crash."""
-    try:
-        with context.files.local(frame.sha256) as file:
-            return context.decoders.read_window(file, window)
-    except DecoderCrashed as crash:
-        context.files.prove(frame.sha256)
-        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
 
 
 _GAMMA: Final = 1 / 2.2
@@ -61,7 +51,8 @@ def crop(context: Context, claim: jobs.Claim) -> Outcome:
     row0, col0, height, width = window = tuple(claim.parameters["window"])
     low_dn, high_dn = claim.parameters["low_dn"], claim.parameters["high_dn"]
     asked = say_asked(window, low_dn, high_dn)
-    pixels = read_pixels(context, frame, (row0, col0, height, width))
+    with context.lend(frame.sha256) as file:
+        pixels = context.decoders.read_window(file, (row0, col0, height, width))
     clipped = statistics.find_clipped(pixels, np.ones((height, width), np.bool_))
     dark, bright = (float(value) for value in np.percentile(pixels.samples_dn, _PERCENTILES))
     # shown black is the black level or a darker one, white what is near the brightest

@@ -6,14 +6,14 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, files, shared
+from radiometry.findings import shared
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
 from store import blobs, codec, jobs
 from store.measuring import plan, record
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context, Outcome
-from worker.decode.pool import DecoderCrashed, Readable
+from worker.decode.pool import Readable
 from worker.measuring import band, surface
 from worker.measuring.task import Task
 
@@ -27,13 +27,8 @@ def measure(context: Context, claim: jobs.Claim) -> Outcome:
         lost = found is not None and record.has_lost_products(session, found)
     if found is not None and not lost:
         return Outcome(store=lambda _session: _links(found))
-    try:
-        with context.files.local(frame.sha256) as file, context.decoders.hold(file):
-            measured, products = measure_frame(_make_task(context, claim, frame, calibration, file))
-    except DecoderCrashed as crash:
-        # as in extract: only a whole file is blamed
-        context.files.prove(frame.sha256)
-        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
+    with context.lend(frame.sha256) as file:
+        measured, products = measure_frame(_make_task(context, claim, frame, calibration, file))
 
     def store(session: Session) -> dict[str, Any]:
         return _links(
