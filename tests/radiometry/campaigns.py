@@ -1,7 +1,7 @@
 """Whole simulated campaigns, drawn in one call."""
 
-import dataclasses
 import math
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -14,7 +14,7 @@ from simulation.luminance import X5S, Campaign, Errors, clock, plan_campaign
 TRUE_K = 30.0
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Drawn:
     campaign: Campaign
     rows: tuple[FrameRow, ...]
@@ -29,11 +29,11 @@ def draw(seed, *, errors=None, isos=(3200.0,), pixels=20000, camera=X5S, timed=F
     readings = campaign.readings
     if timed:
         rows = tuple(
-            dataclasses.replace(row, taken_at=row.scene and clock(row.scene, shot.after_s))
+            replace(row, taken_at=row.scene and clock(row.scene, shot.after_s))
             for row, shot in zip(rows, campaign.shots, strict=True)
         )
     else:
-        readings = tuple(dataclasses.replace(reading, taken_at=None) for reading in readings)
+        readings = tuple(replace(reading, taken_at=None) for reading in readings)
     return Drawn(campaign, rows, readings)
 
 
@@ -50,7 +50,7 @@ def draw_row(camera, shot, random, *, pixels, true_k=TRUE_K):
         _green(name, mean + math.sqrt(variance / pixels) * random.standard_normal(), spread, pixels, sensor)
         for name in ("G1", "G2")
     )
-    exposure = Exposure(**dataclasses.asdict(shot.settings))
+    exposure = Exposure(**asdict(shot.settings))
     return FrameRow(frame=shot.frame, role=shot.role, scene=shot.scene, exposure=exposure, statistics=greens)
 
 

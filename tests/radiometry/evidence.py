@@ -1,6 +1,6 @@
 """Frames of a luminance campaign by hand: N = D + K X to the last digit, noise as said."""
 
-import dataclasses
+from dataclasses import replace
 
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -29,7 +29,7 @@ def statistics(mean_dn, **changes):
         black_level_dn=DARK,
         white_level_dn=WHITE,
     )
-    return dataclasses.replace(row, **changes)
+    return replace(row, **changes)
 
 
 def light(scene, f_number, *, name=None, time_s=None, iso=3200.0, signal_dn=None, luminance=None, **changes):
@@ -81,7 +81,7 @@ def taken(row, **changes):
         format=FORMAT,
         region=REGION,
     )
-    return dataclasses.replace(frame, **changes)
+    return replace(frame, **changes)
 
 
 LIGHTS = tuple(light(scene, f) for scene in SCENES for f in (5.6, 8.0, 16.0))

@@ -1,6 +1,6 @@
 """Frames of plain noise and smooth vignetting raise no warning, whatever the size of the sensor."""
 
-import dataclasses
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -107,17 +107,17 @@ def test_clean_light_frames_raise_nothing_nor_does_a_road_measured_with_them(siz
     full = plan_flat(camera, f_number=2.8)
     rows, readings = [], []
     for scene, share in (("bright", 0.6), ("middle", 0.3), ("dim", 0.1)):
-        lamp = dataclasses.replace(full.lamp, luminance_cd_m2=share * full.lamp.luminance_cd_m2)
+        lamp = replace(full.lamp, luminance_cd_m2=share * full.lamp.luminance_cd_m2)
         readings.append(evidence.reading(scene, lamp.luminance_cd_m2))
         for f_number in (2.8, 4.0):
-            shot = dataclasses.replace(
+            shot = replace(
                 full,
                 frame=f"{scene}-{f_number}",
                 role="light",
                 scene=scene,
                 lamp=lamp,
                 target=Surface(),
-                settings=dataclasses.replace(full.settings, f_number=f_number),
+                settings=replace(full.settings, f_number=f_number),
             )
             rows.append(shot)
     rows += [plan_dark(name=f"dark-{n}") for n in range(3)]
@@ -138,7 +138,7 @@ def test_clean_light_frames_raise_nothing_nor_does_a_road_measured_with_them(siz
     assert not judged(judge_luminance, made, readings, params)
     fitted = luminance.fit(made, readings, params)
     assert not fitted.flags
-    road = dataclasses.replace(full, target=Surface(share=0.3, gradient=(-0.3, 0.1)))
+    road = replace(full, target=Surface(share=0.3, gradient=(-0.3, 0.1)))
     taken = take(camera, road, random)
     found = measure(
         taken.frame,
@@ -185,7 +185,7 @@ def test_clean_panels_and_flights_raise_nothing(size):
     camera = change(captures.SEQUOIA, height_px=size[0], width_px=size[1])
     random, region = np.random.default_rng(size[1]), Polygon.from_points(middle_of(size))
     rows = [
-        dataclasses.replace(row, panel_serial="P1")
+        replace(row, panel_serial="P1")
         for role, minutes in (("panel", 0.0), ("field", 10.0), ("panel", 20.0))
         for row in captures.take(
             random, captures.PANEL_R, camera=camera, minutes=minutes, role=role, polygon=region
@@ -235,7 +235,7 @@ def test_the_lamp_left_on_during_the_dark_frames(seed):
     rows, lit = [], {}
     for shot, row in zip(drawn.campaign.shots, drawn.rows, strict=True):
         if shot.role == "dark":
-            shining = dataclasses.replace(shot, lamp=Lamp(luminance_cd_m2=0.24))
+            shining = replace(shot, lamp=Lamp(luminance_cd_m2=0.24))
             rows.append(draw_row(drawn.campaign.camera, shining, random, pixels=20000))
             lit[row.frame] = rows[-1].statistics[0].mean_dn - 256.0
         else:
@@ -262,8 +262,8 @@ def test_clipped_frames():
     random = np.random.default_rng(4)
     level = [shot for shot in drawn.campaign.shots if shot.scene == "level-1"]
     shot = min(level, key=lambda shot: shot.settings.f_number)
-    longer = dataclasses.replace(shot.settings, exposure_time_s=4 * shot.settings.exposure_time_s)
-    over = dataclasses.replace(shot, settings=longer)
+    longer = replace(shot.settings, exposure_time_s=4 * shot.settings.exposure_time_s)
+    over = replace(shot, settings=longer)
     bright = draw_row(drawn.campaign.camera, over, random, pixels=20000)
     rows = [bright if row.frame == shot.frame else row for row in drawn.rows]
     assert reasons(rows, drawn.readings) == {shot.frame: {"clipped"}}
@@ -273,23 +273,23 @@ def test_a_frame_under_another_scene_s_name():
     drawn = draw(5)
     index = next(i for i, row in enumerate(drawn.rows) if row.scene == "level-1")
     rows = list(drawn.rows)
-    rows[index] = dataclasses.replace(rows[index], scene="level-5")
+    rows[index] = replace(rows[index], scene="level-5")
     assert reasons(rows, drawn.readings) == {rows[index].frame: {"scene_doubtful"}}
 
 
 def render(campaign, shot, random, *, part=0.0):
     """A frame's row from its pixels; ``part`` of the region shows a surface with a tenth of the light."""
-    shot = dataclasses.replace(shot, window=HERE)
+    shot = replace(shot, window=HERE)
     frame = take(campaign.camera, shot, random).frame
     if part:
-        dim = dataclasses.replace(shot, lamp=Lamp(luminance_cd_m2=0.1 * shot.lamp.luminance_cd_m2))
+        dim = replace(shot, lamp=Lamp(luminance_cd_m2=0.1 * shot.lamp.luminance_cd_m2))
         other = take(campaign.camera, dim, random).frame
         cut = round(part * HERE.width)
         samples = np.where(np.arange(HERE.width) < cut, other.samples_dn, frame.samples_dn)
-        frame = dataclasses.replace(frame, samples_dn=samples)
+        frame = replace(frame, samples_dn=samples)
     statistics = compute_statistics(frame, np.ones(frame.samples_dn.shape, np.bool_))
     row = draw_row(campaign.camera, shot, random, pixels=10)
-    return dataclasses.replace(row, statistics=statistics)
+    return replace(row, statistics=statistics)
 
 
 def photograph(seed, *, moved=None, part=0.0) -> tuple[list[FrameRow], tuple[Reading, ...]]:

@@ -1,7 +1,7 @@
 """Vignetting applied: by hand, over structured surfaces, in maps, and with what the errors of V do."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ RADIUS = math.hypot(*SHAPE) / 2
 CENTRE = (20.0, 60.0)
 K1 = {"R": -0.30, "G1": -0.40, "G2": -0.38, "B": -0.42, "G": -0.40, "grey": -0.40}
 U_K1 = 0.01
-WITH = dataclasses.replace(COEFFICIENT, vignetting="00")
+WITH = replace(COEFFICIENT, vignetting="00")
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 PER_DN = 16 / (30 * 0.01 * 3200)
 CORNER = Polygon.from_points([(4, 36), (24, 36), (24, 60), (4, 60)])
@@ -61,7 +61,7 @@ def falloff(channel, f_number=4.0, k1=None, **changes):
         corner_falloff=0.3,
         corner_falloff_standard_uncertainty=0.01,
     )
-    return dataclasses.replace(made, **changes)
+    return replace(made, **changes)
 
 
 LENS = Lens(coefficients=tuple(falloff(name) for name in K1), f_number=4.0)
@@ -87,7 +87,7 @@ def shares_of(cfa):
 
 def make_frame(samples, cfa="RGGB", **changes):
     whole = frame_of(samples, cfa=cfa, size=SHAPE, black=(256.0,) * 4, white=(65535.0,) * 4)
-    return dataclasses.replace(whole, **changes)
+    return replace(whole, **changes)
 
 
 def lit(light_dn, cfa="RGGB"):
@@ -143,7 +143,7 @@ def test_the_errors_of_v_reach_the_mean_and_the_extremes():
     part = shares_of("RGGB")[36:60, 4:24]
     greens = (part[::2, 1::2], part[1::2, ::2])
     assert found.lens_share.value == pytest.approx(2 / sum(np.mean(1 / green) for green in greens), rel=1e-6)
-    exact = dataclasses.replace(
+    exact = replace(
         WITH,
         covariance=((0.0,),),
         meter_calibration_u_rel=0.0,
@@ -182,7 +182,7 @@ def test_noise_and_dark_grow_with_the_gain():
 
 @pytest.mark.parametrize(("channel", "cfa"), [("green", "RGGB"), ("grey", "RGGB"), ("green", "GBRG")])
 def test_a_map_is_divided_pixel_by_pixel_and_by_strips(channel, cfa):
-    coefficient = dataclasses.replace(WITH, channel=channel)
+    coefficient = replace(WITH, channel=channel)
     scale = find_map_scale((coefficient,), EXPOSURE, lens=LENS)
     frame = lit(20_000.0, cfa)
     whole = compute_map(frame, scale)
@@ -193,9 +193,7 @@ def test_a_map_is_divided_pixel_by_pixel_and_by_strips(channel, cfa):
         # colours that pass unequal shares: K of grey holds for their mean
         assert whole[2:-2, 2:-2] == pytest.approx(np.full((60, 92), 20_000.0 * PER_DN), rel=2e-3)
     top, bottom = 16, 40
-    strip = dataclasses.replace(
-        frame, samples_dn=frame.samples_dn[top - RIM_PX : bottom + RIM_PX], row0=top - RIM_PX
-    )
+    strip = replace(frame, samples_dn=frame.samples_dn[top - RIM_PX : bottom + RIM_PX], row0=top - RIM_PX)
     assert np.array_equal(compute_map(strip, scale)[RIM_PX:-RIM_PX], whole[top:bottom])
 
 
@@ -233,7 +231,7 @@ def test_cells_share_the_errors_of_v_place_by_place():
     """k1 alone is uncertain: a ratio of two places changes by the difference of what it does to each."""
     grid = Grid(corners=((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0)), rows=1, columns=2)
     lens = Lens(coefficients=(falloff("grey"),), f_number=4.0)
-    exact = dataclasses.replace(WITH, dark_signal_standard_uncertainty_dn=0.0)
+    exact = replace(WITH, dark_signal_standard_uncertainty_dn=0.0)
     found = measured(lit(20_000.0, "grey"), exact, lens, grid=grid)
     relative = [
         U_K1 * squared()[:, part].mean() / (1 + K1["grey"] * squared()[:, part]).mean()
@@ -263,7 +261,7 @@ def test_between_f_numbers_the_correction_is_interpolated():
     assert found == pytest.approx(expected, rel=1e-6)
     assert lens.at(3, 5, channels=("grey",)).value == pytest.approx(expected[3, 5], rel=1e-12)
     with pytest.raises(InputRejected, match="outside the calibrated range"):
-        dataclasses.replace(lens, f_number=2.0).require(channels=("grey",), height_px=64, width_px=96)
+        replace(lens, f_number=2.0).require(channels=("grey",), height_px=64, width_px=96)
     with pytest.raises(InputRejected, match="another crop or binning"):
         lens.require(channels=("grey",), height_px=96, width_px=64)
 
@@ -271,7 +269,7 @@ def test_between_f_numbers_the_correction_is_interpolated():
 # --- the fit
 
 SHARES = {5.6: (0.8, 0.004), 8.0: (0.9, 0.002), 16.0: (0.97, 0.001)}
-CORRECTED = dataclasses.replace(PARAMS, vignetting="00")
+CORRECTED = replace(PARAMS, vignetting="00")
 
 
 def through(row):
@@ -280,9 +278,9 @@ def through(row):
         return row
     value, u = SHARES[row.exposure.f_number]
     (one,) = row.statistics
-    dimmed = dataclasses.replace(one, mean_dn=256.0 + (one.mean_dn - 256.0) * value)
+    dimmed = replace(one, mean_dn=256.0 + (one.mean_dn - 256.0) * value)
     share = Quantity(value=value, standard_uncertainty=u, unit="1")
-    return dataclasses.replace(row, statistics=(dimmed,), lens_share=share)
+    return replace(row, statistics=(dimmed,), lens_share=share)
 
 
 def test_k_is_that_of_the_centre():
@@ -303,8 +301,7 @@ def test_k_is_that_of_the_centre():
 def test_the_error_of_v_is_shared_within_an_f_number():
     """Of three f-numbers with equal weights K has a third of each error: the root of their squares over 3."""
     rows = tuple(
-        dataclasses.replace(r, statistics=(dataclasses.replace(r.statistics[0], std_dn=1.0, n=10**8),))
-        for r in map(through, ROWS)
+        replace(r, statistics=(replace(r.statistics[0], std_dn=1.0, n=10**8),)) for r in map(through, ROWS)
     )
     budget = {entry.source: entry for entry in fit(rows, params=CORRECTED).iso_fits[0].budget}
     plain = {entry.source for entry in fit().iso_fits[0].budget}
@@ -322,9 +319,7 @@ def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
         return next(entry.u_rel for entry in budget if entry.source == "dark signal")
 
     bumped = tuple(
-        dataclasses.replace(
-            row, statistics=(dataclasses.replace(row.statistics[0], mean_dn=256.0 + (n % 3)),)
-        )
+        replace(row, statistics=(replace(row.statistics[0], mean_dn=256.0 + (n % 3)),))
         if row.role == "dark"
         else row
         for n, row in enumerate(ROWS)
@@ -332,13 +327,9 @@ def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
     halved = tuple(
         row
         if row.role == "dark"
-        else dataclasses.replace(
+        else replace(
             row,
-            statistics=(
-                dataclasses.replace(
-                    row.statistics[0], mean_dn=256.0 + (row.statistics[0].mean_dn - 256.0) / 2
-                ),
-            ),
+            statistics=(replace(row.statistics[0], mean_dn=256.0 + (row.statistics[0].mean_dn - 256.0) / 2),),
             lens_share=half,
         )
         for row in bumped
@@ -348,7 +339,7 @@ def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
 
 def test_a_fit_that_lacks_a_share_is_refused():
     rows = tuple(map(through, ROWS))
-    rows = (dataclasses.replace(rows[0], lens_share=None), *rows[1:])
+    rows = (replace(rows[0], lens_share=None), *rows[1:])
     with pytest.raises(InputRejected, match=f"No V of the region: frame {rows[0].frame}") as refused:
         fit(rows, params=CORRECTED)
     assert refused.value.code == "vignetting_not_calibrated"
@@ -359,7 +350,7 @@ def test_versions_with_different_vignetting_are_not_compared():
         return change_luminance([old], [new], exposure=EXPOSURE, signal_dn=756.0, **more)
 
     assert "different vignetting" in change(COEFFICIENT, WITH).why
-    darker = dataclasses.replace(WITH, dark_signal_dn=266.0, parameters=(30.0, 0.0), model="affine")
-    found = change(dataclasses.replace(WITH, parameters=(30.0, 10.0), model="affine"), darker, lens_share=0.5)
+    darker = replace(WITH, dark_signal_dn=266.0, parameters=(30.0, 0.0), model="affine")
+    found = change(replace(WITH, parameters=(30.0, 10.0), model="affine"), darker, lens_share=0.5)
     # 490 DN over a half, against 500 over a half less 10
     assert found.change.value == pytest.approx(100 * (980 / 990 - 1))

@@ -1,6 +1,6 @@
 """What a campaign lacks for a good fit, said by name."""
 
-import dataclasses
+from dataclasses import replace
 
 import pytest
 
@@ -18,7 +18,7 @@ LEVELS = {"a": 50.0, "b": 20.0, "c": 5.0, "d": 2.0, "e": 0.5}
 
 def reading(scene, value=None, *, quantity="luminance", factor=1.0, **changes):
     value = factor * (LEVELS[scene] if value is None else value)
-    return dataclasses.replace(evidence.reading(scene, value, quantity=quantity), **changes)
+    return replace(evidence.reading(scene, value, quantity=quantity), **changes)
 
 
 def lights(*scenes, f_numbers=(5.6, 8.0), levels=None):
@@ -91,7 +91,7 @@ def test_levels_are_to_be_added_in_the_widest_gap():
 
 def test_what_two_iso_values_lack_is_said_once():
     kept = [*lights("a", "b", "e"), *DARKS]
-    kept += [dataclasses.replace(row, exposure=dataclasses.replace(row.exposure, iso=1600.0)) for row in kept]
+    kept += [replace(row, exposure=replace(row.exposure, iso=1600.0)) for row in kept]
     assert advice(kept, readings_of("a", "b", "e")) == (
         "ISO 1600, 3200: 3 usable levels, add 2 more between 0.5 and 20 cd/m2",
     )
@@ -131,19 +131,16 @@ def test_one_aperture_only():
 
 def test_six_frames_are_enough():
     exclude = tuple(Exclusion(frame=row.frame, reason="", by="me") for row in GOOD[:4])
-    params = dataclasses.replace(Params(), exclude=exclude)
+    params = replace(Params(), exclude=exclude)
     assert not any("usable frames" in sentence for sentence in advice(params=params))
-    params = dataclasses.replace(
-        Params(), exclude=(*exclude, Exclusion(frame=GOOD[4].frame, reason="", by=""))
-    )
+    params = replace(Params(), exclude=(*exclude, Exclusion(frame=GOOD[4].frame, reason="", by="")))
     assert "ISO 3200: 5 usable frames, add 1 more" in advice(params=params)
 
 
 def test_a_reading_in_foot_lamberts():
     """One fL is 3.4263 cd/m2: typed as cd/m2, the reading is that much too low, and no fit begins."""
     readings = [
-        dataclasses.replace(r, value=r.value / 3.4263) if (r.scene, r.quantity) == ("c", "luminance") else r
-        for r in READ
+        replace(r, value=r.value / 3.4263) if (r.scene, r.quantity) == ("c", "luminance") else r for r in READ
     ]
     assert advice(readings=readings) == ()
     off, again = luminance.missing(GOOD, readings, Params())
@@ -155,7 +152,7 @@ def test_a_reading_in_foot_lamberts():
 def test_a_reading_that_was_kept_is_named_by_the_fit():
     wrong = [reading(scene, LEVELS[scene] * (10.0 if scene == "c" else 1.0)) for scene in LEVELS]
     assert [cause.finding for cause in luminance.missing(GOOD, wrong, Params())] == [codes.READING_OFF]
-    kept = [dataclasses.replace(r, reason="ND filter") if r.scene == "c" else r for r in wrong]
+    kept = [replace(r, reason="ND filter") if r.scene == "c" else r for r in wrong]
     assert luminance.missing(GOOD, kept, Params()) == ()
     assert not any("frames say" in sentence for sentence in advice(readings=kept))
     found = [
@@ -189,7 +186,7 @@ def test_a_list_that_is_typed_a_row_off(typed, off):
     ("factor", "found"), [(1.23, False), (1.27, True), (1 / 1.23, False), (1 / 1.27, True)]
 )
 def test_a_reading_may_differ_from_the_others(factor, found):
-    readings = [dataclasses.replace(r, value=r.value * factor) if r.scene == "c" else r for r in READ]
+    readings = [replace(r, value=r.value * factor) if r.scene == "c" else r for r in READ]
     assert any("scene c: " in sentence for sentence in advice(readings=readings)) is found
 
 
@@ -205,28 +202,28 @@ def test_one_reading_per_scene():
 
 def test_readings_of_a_scene_without_frames_show_nothing():
     once = [r for index, r in enumerate(READ) if index % 2 == 0]
-    elsewhere = [dataclasses.replace(r, scene="elsewhere") for r in READ[:4]]
+    elsewhere = [replace(r, scene="elsewhere") for r in READ[:4]]
     assert advice(readings=[*once, *elsewhere]) == advice(readings=once)
 
 
 def test_a_lamp_that_drifts():
-    drifted = [dataclasses.replace(r, value=r.value * 1.03) if r is READ[3] else r for r in READ]
+    drifted = [replace(r, value=r.value * 1.03) if r is READ[3] else r for r in READ]
     assert advice(readings=drifted) == ("the lamp drifted in scene a: repeat its frames and readings",)
 
 
 def test_luminance_against_illuminance():
     """Illuminances equal luminances in number: rho = pi agrees, rho = 1 does not."""
-    found = advice(params=dataclasses.replace(Params(), panel_rho=1.0))
+    found = advice(params=replace(Params(), panel_rho=1.0))
     assert found[0] == "luminance and illuminance of scene a disagree: check both readings and rho"
     assert len(found) == 5
 
 
 def test_a_meter_without_a_certificate():
-    bare = [dataclasses.replace(r, expanded_uncertainty_rel=None) for r in READ]
+    bare = [replace(r, expanded_uncertainty_rel=None) for r in READ]
     assert advice(readings=bare) == (
         "the meter meter 1 has no certificate: its calibration uncertainty is not in that of K",
     )
-    unnamed = [dataclasses.replace(r, meter=None) for r in bare]
+    unnamed = [replace(r, meter=None) for r in bare]
     assert advice(readings=unnamed) == (
         "some luminance readings name no meter: its calibration uncertainty is not in that of K",
     )
@@ -248,7 +245,7 @@ def test_times_that_catch_a_part_of_the_mains_period_are_named():
     found = [each for each in advice(params=stated) if "mains" in each]
     assert len(found) == len([t for t in times if abs(t * 100 - round(t * 100)) > 1e-9 and t < 0.3])
     assert all("use multiples of 1/100 s" in each for each in found)
-    assert advice(params=dataclasses.replace(stated, lamp_modulation=0.0)) == ()
+    assert advice(params=replace(stated, lamp_modulation=0.0)) == ()
 
 
 def test_known_response_asks_for_the_lamp():
@@ -256,4 +253,4 @@ def test_known_response_asks_for_the_lamp():
     assert advice(params=known) == (
         "the lamp is not stated: without it no spectral mismatch can be corrected",
     )
-    assert advice(params=dataclasses.replace(known, lamp="A")) == ()
+    assert advice(params=replace(known, lamp="A")) == ()

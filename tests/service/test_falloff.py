@@ -1,7 +1,7 @@
 """K with vignetting: measured in a corner, through every step over HTTP."""
 
-import dataclasses
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -213,4 +213,4 @@ def test_what_is_not_said_changes_no_content():
     plain = encode(Params())
     assert "vignetting" not in plain
     assert plain["panel_rho"] is None
-    assert encode(dataclasses.replace(Params(), vignetting="00"))["vignetting"] == "00"
+    assert encode(replace(Params(), vignetting="00"))["vignetting"] == "00"

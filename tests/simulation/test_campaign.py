@@ -1,7 +1,7 @@
 """The simulated sensor tells the truth that the estimators must find."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_light_clips_at_the_white_level_and_dark_at_zero():
     bright = render(SMALL, 1000.0)
     assert bright.samples_dn.max() == 4095
     noisy = change(SMALL, black_level_dn=1.0)
-    assert render(noisy, 0.0, settings=dataclasses.replace(SETTINGS, iso=25600.0)).samples_dn.min() == 0
+    assert render(noisy, 0.0, settings=replace(SETTINGS, iso=25600.0)).samples_dn.min() == 0
 
 
 def test_the_short_way_agrees_with_the_pixels():

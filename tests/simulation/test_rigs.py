@@ -1,6 +1,6 @@
 """Rigs of MicaSense and DJI: what the simulation knows of a capture, the reader gets and K agrees with."""
 
-import dataclasses
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,11 +32,11 @@ def test_the_files_are_read_back_whole(shots, tmp_path):
     for band, shot in shots.items():
         path = Path(tmp_path, f"{band}.tif")
         write_rig(path, shot)
-        found = dataclasses.replace(
+        found = replace(
             reader.read_header(path), band_rows=1, first_band_rows=1, attitude=(), exposure_time_s=None
         )
-        told = dataclasses.replace(shot.header, exposure_time_s=None)
-        assert _round(dataclasses.asdict(found)) == _round(dataclasses.asdict(told))
+        told = replace(shot.header, exposure_time_s=None)
+        assert _round(asdict(found)) == _round(asdict(told))
         samples = reader.read_window(path, 0, 0, 72, 100).samples_dn
         np.testing.assert_array_equal(samples, shot.frame.samples_dn)
 
@@ -53,7 +53,7 @@ def _round(value):
 def test_k_is_the_true_one_even_in_the_darkest_corner(rig, shots):
     rows = []
     for band, shot in shots.items():
-        exposure = Exposure(**dataclasses.asdict(shot.exposure.on_basis("nominal")))
+        exposure = Exposure(**asdict(shot.exposure.on_basis("nominal")))
         region = [Region(name="", polygon=CORNER)]
         found = reflectance.extract(shot.frame, region, header=shot.header, exposure=exposure)
         rows.append(

@@ -1,7 +1,7 @@
 """One curve: the parameters, and above all what is claimed about them."""
 
-import dataclasses
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def curve(scenes, f_numbers, *, times=None, errors=0.0, u_dn=0.1, offset=0.0, ex
         lamp_level_u_rel=np.zeros(n),
         scatter_weights=np.ones(n),
     )
-    return dataclasses.replace(made, **changes)
+    return replace(made, **changes)
 
 
 def u_rel(fit):
@@ -71,7 +71,7 @@ def test_drift_that_frames_show_by_hand(shown, size):
     """
     signs = np.array([-1.0, 1.0, -1.0, 1.0])
     points = curve("aabb", [4.0] * 4, errors=np.expm1(shown * signs), repeatability_u_rel=0.03)
-    points = dataclasses.replace(points, signal_u_dn=0.02 * K * points.rhs, lamp_u_rel=0.01 * signs)
+    points = replace(points, signal_u_dn=0.02 * K * points.rhs, lamp_u_rel=0.01 * signs)
     assert fit_curve(points, model="proportional").lamp_size == pytest.approx(size, rel=1e-6)
 
 
@@ -94,7 +94,7 @@ def test_uncertainty_of_one_source_by_hand(scenes, f_numbers, changes, expected)
 
 def test_the_dark_signal_is_common_to_all_points():
     """Two points of 60 and 120 DN with noise of 1 DN and a dark signal known to 2 DN, solved on paper."""
-    fit = fit_curve(dataclasses.replace(curve("ab", [4, 4], u_dn=1.0), dark_u_dn=2.0), model="proportional")
+    fit = fit_curve(replace(curve("ab", [4, 4], u_dn=1.0), dark_u_dn=2.0), model="proportional")
     n = np.array([60.0, 120.0])
     v = (np.eye(2) + 4.0) / np.outer(n, n)
     assert u_rel(fit) ** 2 == pytest.approx(1 / np.sum(np.linalg.inv(v)), rel=1e-9)
@@ -123,7 +123,7 @@ def test_birge_ratio_by_hand():
     """Relative noise of 1 % claimed, +-3 % found: chi^2 = 4 * 9 over 3; nu = 3."""
     errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
     points = curve("abcd", [4] * 4, errors=errors, scatter_u_rel=0.0)
-    points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
+    points = replace(points, signal_u_dn=0.01 * K * points.rhs)
     fit = fit_curve(points, model="proportional")
     assert fit.chi_squared == pytest.approx(36.0, rel=0.01)
     assert fit.birge_ratio == pytest.approx(math.sqrt(12.0), rel=0.01)
@@ -134,20 +134,20 @@ def test_birge_ratio_by_hand():
 def test_birge_ratio_leaves_alone_what_all_points_share():
     errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
     points = curve("abcd", [4] * 4, errors=errors, time_u_rel=0.5, scatter_u_rel=0.0)
-    points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
+    points = replace(points, signal_u_dn=0.01 * K * points.rhs)
     fit = fit_curve(points, model="proportional")
     assert u_rel(fit) ** 2 == pytest.approx(0.5**2 + (0.01 / 2) ** 2 * 12, rel=0.01)
 
 
 def same(one, other):
-    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in dataclasses.fields(one))
+    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
 
 
 def test_scatter_between_frames_by_hand():
     """The same points as Birge's: 1 % claimed, a variance of 4 * 9 / 3 = 12 found, so 11 are the frames'."""
     errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
     points = curve("abcd", [4] * 4, errors=errors, time_u_rel=0.5)
-    points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
+    points = replace(points, signal_u_dn=0.01 * K * points.rhs)
     fit = fit_curve(points, model="proportional")
     assert fit.scatter_u_rel == pytest.approx(0.01 * math.sqrt(11), rel=0.01)
     assert fit.stated_chi_squared == pytest.approx(36.0, rel=0.01)
@@ -155,7 +155,7 @@ def test_scatter_between_frames_by_hand():
     assert fit.birge_ratio == pytest.approx(1.0)
     assert fit.k_shares["scatter between frames"] == ("A", pytest.approx(11e-4 / 4, rel=0.01))
     assert fit.k_shares["exposure time"][1] == pytest.approx(0.5**2)
-    alone = fit_curve(dataclasses.replace(points, time_u_rel=0.0), model="proportional")
+    alone = fit_curve(replace(points, time_u_rel=0.0), model="proportional")
     assert alone.effective_dof() == pytest.approx(3.0, rel=0.01)
 
 
@@ -166,7 +166,7 @@ def test_scenes_and_frames_are_told_apart_as_in_the_analysis_of_variance(between
         between * np.repeat([1.0, -1.0, 0.5, 0.2], 3) + 0.01 * np.array([[1, 0, -1], [0, 1, -1]] * 2).ravel()
     )
     points = curve("aaabbbcccddd", [4] * 12, errors=np.expm1(errors), repeatability_u_rel=None)
-    points = dataclasses.replace(points, signal_u_dn=1e-6 * points.signal_dn)
+    points = replace(points, signal_u_dn=1e-6 * points.signal_dn)
     fit = fit_curve(points, model="proportional")
     means = errors.reshape(4, 3).mean(axis=1)
     within = np.sum((errors.reshape(4, 3) - means[:, None]) ** 2) / 8
@@ -209,8 +209,8 @@ def test_explained_scatter_changes_no_bit():
     for points in (explained, exact, shared, alone, two):
         for model in ("proportional", "affine", "power", "semilog"):
             fit = fit_curve(points, model=model)
-            without = fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model=model)
-            assert fit is without or same(dataclasses.replace(fit, later_scatter_u_rel=0.0), without)
+            without = fit_curve(replace(points, scatter_u_rel=0.0), model=model)
+            assert fit is without or same(replace(fit, later_scatter_u_rel=0.0), without)
     assert fit_curve(shared, model="proportional").birge_ratio > 2  # Birge has what no frame has alone
 
 
@@ -221,8 +221,8 @@ def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
     points = curve(
         "aaabbbcccddd", [2, 4, 8] * 4, errors=errors, f_number_u_rel=0.015, repeatability_u_rel=None
     )
-    points = dataclasses.replace(points, signal_u_dn=1e-5 * points.signal_dn)
-    without = fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model="proportional")
+    points = replace(points, signal_u_dn=1e-5 * points.signal_dn)
+    without = fit_curve(replace(points, scatter_u_rel=0.0), model="proportional")
     assert without is None or without.birge_ratio > 1e4
     fit = fit_curve(points, model="proportional")
     assert u_rel(fit) == pytest.approx(math.hypot(math.log(2) / 12, 0.03 / math.sqrt(3)), rel=0.05)
@@ -234,7 +234,7 @@ def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
 def test_the_scatter_found_does_not_depend_on_the_order(order):
     errors = [0.03, -0.02, 0.01, 0.02, -0.03, 0.02, 0.0, 0.01]
     points = curve("aabbccdd", [2, 4] * 4, errors=errors, f_number_u_rel=0.01, repeatability_u_rel=None)
-    other = dataclasses.replace(
+    other = replace(
         points,
         rhs=points.rhs[order],
         signal_dn=points.signal_dn[order],
@@ -275,7 +275,7 @@ def test_the_semilog_trap():
     luminances = np.array([54.4, 2.94, 1.28, 1.2, 0.26, 0.24])
     rhs = np.outer(luminances, 3200 / 32 / np.array([1.7, 2, 2.8, 4, 5.6, 8, 11, 16]) ** 2).ravel()
     rhs = rhs[K * 1.1 * rhs < 3800]
-    points = dataclasses.replace(
+    points = replace(
         curve([f"{n}" for n in range(len(rhs))], [4] * len(rhs), u_dn=1.0), rhs=rhs, signal_dn=K * 1.1 * rhs
     )
     slope, offset = fit_curve(points, model="semilog").parameters
@@ -287,7 +287,7 @@ def test_the_semilog_trap():
 
 def test_too_few_points_or_no_settling_is_no_fit():
     assert fit_curve(curve("ab", [4] * 2), model="affine") is None
-    steep = dataclasses.replace(
+    steep = replace(
         curve("abcd", [4] * 4), rhs=np.array([1.0, 1.1, 1.2, 1.3]), signal_dn=np.array([1e-3, 1.0, 1e3, 1e6])
     )
     assert fit_curve(steep, model="affine") is None
@@ -303,7 +303,7 @@ def test_coverage_factor_is_students_t():
 def test_scaling_the_signal_with_x_changes_nothing_in_k(errors, factor):
     """Twice the time, twice the signal and twice its noise: the same K and the same u(K)."""
     once = curve("aabbcc", [2, 4] * 3, errors=errors, repeatability_u_rel=0.02, f_number_u_rel=0.01)
-    scaled = dataclasses.replace(
+    scaled = replace(
         once, rhs=factor * once.rhs, signal_dn=factor * once.signal_dn, signal_u_dn=factor * once.signal_u_dn
     )
     first, second = (fit_curve(points, model="proportional") for points in (once, scaled))

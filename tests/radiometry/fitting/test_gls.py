@@ -1,19 +1,13 @@
 """Generalised least squares against cases whose answer is known in closed form."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from radiometry.fitting.components import Component, Problem, index_labels
-from radiometry.fitting.gls import (
-    are_separable,
-    estimate_variances,
-    expect_variance,
-    leave_groups_out,
-    solve,
-)
+from radiometry.fitting.gls import are_separable, estimate_variances, expect_variance, leave_groups_out, solve
 
 ONES = np.ones((4, 1))
 
@@ -115,7 +109,7 @@ def test_an_error_that_the_points_know_far_better_than_its_prior():
     """v - v^2 z'P z has one digit left here, and another processor finds another one."""
     n = 6
     components = [independent(*np.ones(n)), shared(np.zeros(n), 1e14), shared(np.arange(n) // 2, 1e-4)]
-    components[1] = dataclasses.replace(components[1], sensitivity=np.arange(n) - 2.5)
+    components[1] = replace(components[1], sensitivity=np.arange(n) - 2.5)
     slope = np.arange(n) - 2.5
     v = np.eye(n) + 1e-4 * np.kron(np.eye(3), np.ones((2, 2)))
     solution = solve(np.ones((n, 1)), 3.0 + 0.5 * slope, components)
@@ -136,7 +130,7 @@ def test_the_effect_of_an_error_that_the_points_know_far_better_keeps_its_digits
 
 def test_leaving_a_group_out_is_solving_without_it(campaign):
     design, response, components = campaign
-    known = [dataclasses.replace(c, variance=1e-4 if c.variance is None else c.variance) for c in components]
+    known = [replace(c, variance=1e-4 if c.variance is None else c.variance) for c in components]
     scenes = known[2].labels
     rest = leave_groups_out(design, response, known, scenes)
     assert len(rest) == scenes.max() + 1
@@ -282,7 +276,7 @@ def test_variance_to_expect_by_hand():
     A sum of squares S of 4 is what noise makes, and half of N(0, 1/2) has the mean sqrt(1/2) sqrt(2/pi).
     """
     values = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
-    parts = (independent(*np.ones(5)), dataclasses.replace(independent(*np.ones(5)), variance=None))
+    parts = (independent(*np.ones(5)), replace(independent(*np.ones(5)), variance=None))
     found = [
         expect_variance(Problem(np.ones((5, 1)), size * values, parts), np.array([1.0, 0.0]))
         for size in (1.0, 0.0, 3.0)

@@ -1,7 +1,7 @@
 """Outliers: what they cost by least squares and in a robust fit."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from tests.radiometry.evidence import SPAN, K, dark, light, reading
 from tests.radiometry.luminance.exact import fit, raised
 
 PLAIN = Params(f_number_u_rel=0.015)
-ROBUST = dataclasses.replace(PLAIN, estimator="robust")
+ROBUST = replace(PLAIN, estimator="robust")
 
 
 def spoil(drawn, count, factor):
@@ -31,11 +31,9 @@ def spoil(drawn, count, factor):
     light = [row for row in drawn.rows if row.role == "light"]
     chosen = {light[index].frame for index in range(2, len(light), len(light) // count)[:count]}
     rows = [
-        dataclasses.replace(
+        replace(
             row,
-            statistics=tuple(
-                dataclasses.replace(s, mean_dn=256 + (s.mean_dn - 256) * factor) for s in row.statistics
-            ),
+            statistics=tuple(replace(s, mean_dn=256 + (s.mean_dn - 256) * factor) for s in row.statistics),
         )
         if row.frame in chosen
         else row
@@ -99,21 +97,20 @@ def test_one_frame_per_scene():
         if row.role == "light":
             first.setdefault(row.scene, row)
     scenes = [
-        (dataclasses.replace(row, frame=f"{scene}-{n}", scene=f"{scene}-{n}"), scene)
+        (replace(row, frame=f"{scene}-{n}", scene=f"{scene}-{n}"), scene)
         for scene, row in first.items()
         for n in range(4)
     ]
     readings = [
-        dataclasses.replace(r, scene=row.scene, value=r.value * random.normal(1.0, 0.01))
+        replace(r, scene=row.scene, value=r.value * random.normal(1.0, 0.01))
         for row, scene in scenes
         for r in drawn.readings
         if r.scene == scene
     ]
-    readings[7] = dataclasses.replace(readings[7], value=2.0 * readings[7].value)
+    readings[7] = replace(readings[7], value=2.0 * readings[7].value)
     rows = [*(row for row, _ in scenes), *(row for row in drawn.rows if row.role == "dark")]
     plain, robust = (
-        fit(rows, readings, dataclasses.replace(p, f_number_u_rel=0.0)).iso_fits[0].coefficient
-        for p in (PLAIN, ROBUST)
+        fit(rows, readings, replace(p, f_number_u_rel=0.0)).iso_fits[0].coefficient for p in (PLAIN, ROBUST)
     )
     assert robust.expanded_uncertainty < 0.6 * plain.expanded_uncertainty
 

@@ -1,7 +1,7 @@
 """Which frames enter a campaign, and what is said when one does not."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -38,7 +38,7 @@ HEADER = FrameHeader(
 
 
 def accept(role="light", supplied=NOTHING, **changes):
-    return accept_frame(dataclasses.replace(HEADER, **changes), role=role, supplied=supplied, camera=CAMERA)
+    return accept_frame(replace(HEADER, **changes), role=role, supplied=supplied, camera=CAMERA)
 
 
 def refuse(role="light", supplied=NOTHING, **changes):

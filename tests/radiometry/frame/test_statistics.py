@@ -1,6 +1,5 @@
 """Statistics of a region: exact figures, the right CFA site, and the signal."""
 
-import dataclasses
 import math
 from dataclasses import replace
 
@@ -295,12 +294,12 @@ def test_lit_dark_frames_of_a_falloff(black_level_dn, flagged):
     darks = [flats.dark(bright, seed, name=f"dark-{seed}") for seed in (2, 3)]
     levels = [channel.black_level_dn for channel in stated.features.channels]
     darks = [
-        dataclasses.replace(
+        replace(
             each,
-            features=dataclasses.replace(
+            features=replace(
                 each.features,
                 channels=tuple(
-                    dataclasses.replace(channel, black_level_dn=level)
+                    replace(channel, black_level_dn=level)
                     for channel, level in zip(each.features.channels, levels, strict=True)
                 ),
             ),

@@ -1,6 +1,6 @@
 """What can be said of a frame before its statistics are looked at."""
 
-import dataclasses
+from dataclasses import replace
 
 import pytest
 
@@ -13,12 +13,12 @@ FRAME = taken(LIGHTS[0])
 
 
 def inspect(**changes):
-    return [(reason.code, reason.outcome) for reason in inspect_frame(dataclasses.replace(FRAME, **changes))]
+    return [(reason.code, reason.outcome) for reason in inspect_frame(replace(FRAME, **changes))]
 
 
 def formats(*frames):
     """The outcome of format_differs for each frame, "" where there is none."""
-    named = [dataclasses.replace(frame, frame=str(number)) for number, frame in enumerate(frames)]
+    named = [replace(frame, frame=str(number)) for number, frame in enumerate(frames)]
     found = inspect_frames(named)
     return [
         next((r.outcome for r in found[frame.frame] if r.code is shared.FORMAT_DIFFERS), "")
@@ -29,7 +29,7 @@ def formats(*frames):
 def test_another_lens_is_named_unless_it_was_covered():
     lenses = ["15mm L1", "15mm L1", "25mm L2", "", "25mm L2"]
     named = [
-        dataclasses.replace(FRAME, frame=str(n), lens=lens, role="dark" if n == 4 else "light")
+        replace(FRAME, frame=str(n), lens=lens, role="dark" if n == 4 else "light")
         for n, lens in enumerate(lenses)
     ]
     found = inspect_frames(named)
@@ -94,7 +94,7 @@ def test_a_frame_by_itself(changes, found):
 
 
 def test_a_refused_frame_fails_with_the_sentence_of_its_refusal():
-    frame = dataclasses.replace(FRAME, state="refused", refusal="The file ends too early.", format=None)
+    frame = replace(FRAME, state="refused", refusal="The file ends too early.", format=None)
     (found,) = inspect_frame(frame)
     assert (found.code, found.outcome, found.detail) == ("refused", "fail", "The file ends too early.")
 
@@ -107,7 +107,7 @@ def test_a_refused_frame_fails_with_the_sentence_of_its_refusal():
     ],
 )
 def test_a_region_that_does_not_fit_the_frame(points, sentence):
-    frame = dataclasses.replace(FRAME, state="read", region=Polygon.from_points(points))
+    frame = replace(FRAME, state="read", region=Polygon.from_points(points))
     (found,) = inspect_frame(frame)
     assert (found.code, found.outcome) == ("roi_unfit", "fail")
     assert sentence in found.detail
@@ -119,37 +119,38 @@ def test_a_region_up_to_the_border_fits():
 
 
 def test_the_usual_format_is_that_of_most_frames():
-    other = dataclasses.replace(FRAME, format=(480, 640, "RGGB"))
-    unread = dataclasses.replace(FRAME, format=None)
+    other = replace(FRAME, format=(480, 640, "RGGB"))
+    unread = replace(FRAME, format=None)
     assert find_usual_format([other, FRAME, FRAME]) == FORMAT
     assert find_usual_format([FRAME, other, other]) == (480, 640, "RGGB")
     assert find_usual_format([FRAME, other]) == find_usual_format([other, FRAME])
     assert find_usual_format([unread]) is None
-    assert find_usual_format([dataclasses.replace(other, refusal="no"), unread]) is None
+    assert find_usual_format([replace(other, refusal="no"), unread]) is None
 
 
 @pytest.mark.parametrize("form", [(480, 640, "RGGB"), (640, 480, "GRBG"), (640, 478, "RGGB")])
 def test_another_format_in_the_same_region_fails(form):
-    other = dataclasses.replace(FRAME, format=form)
+    other = replace(FRAME, format=form)
     assert formats(FRAME, other, FRAME) == ["", "fail", ""]
-    unread, refused = (dataclasses.replace(other, format=None), dataclasses.replace(other, state="refused"))
+    unread, refused = (replace(other, format=None), replace(other, state="refused"))
     assert formats(FRAME, unread, FRAME, refused) == ["", "", "", ""]
 
 
 def test_another_format_with_a_region_of_its_own_is_looked_at():
     """Somebody said where the surface lies in it; another sensor mode would still have another K."""
     region = Polygon.from_points([(1, 1), (9, 1), (9, 9)])
-    other = dataclasses.replace(FRAME, format=(5280, 3956, "RGGB"), region=region)
+    other = replace(FRAME, format=(5280, 3956, "RGGB"), region=region)
     assert formats(FRAME, other, FRAME) == ["", "warn", ""]
     assert formats(other, FRAME, other) == ["", "warn", ""]
-    assert formats(
-        FRAME, other, dataclasses.replace(other, format=(5280, 3000, "RGGB")), other, FRAME, FRAME
-    ) == [*("", "warn", "fail"), *("warn", "", "")]
+    assert formats(FRAME, other, replace(other, format=(5280, 3000, "RGGB")), other, FRAME, FRAME) == [
+        *("", "warn", "fail"),
+        *("warn", "", ""),
+    ]
 
 
 def test_another_image_size_stands_before_the_region_that_does_not_fit_it():
-    small = dataclasses.replace(FRAME, frame="small", state="read", format=(2, 2, "RGGB"))
-    others = [dataclasses.replace(FRAME, frame=name) for name in ("a", "b")]
+    small = replace(FRAME, frame="small", state="read", format=(2, 2, "RGGB"))
+    others = [replace(FRAME, frame=name) for name in ("a", "b")]
     found = conclude(inspect_frames([small, *others])["small"])
     assert [each.code for each in found.reasons[:2]] == [shared.FORMAT_DIFFERS, shared.ROI_UNFIT]
     assert "2 x 2" in found.reasons[0].detail

@@ -1,6 +1,6 @@
 """What is missing in an image is told from what is dark."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -206,7 +206,7 @@ def test_arrays_survive_packing(dtype):
 
 @pytest.mark.parametrize("change", [{"shape": (3, 5)}, {"shape": (3, 3)}, {"dtype": "<f8"}, {"dtype": "|O"}])
 def test_an_array_that_does_not_fit_its_description_is_refused(change):
-    packed = dataclasses.replace(pack(np.zeros((3, 4)), dtype="<u2"), **change)
+    packed = replace(pack(np.zeros((3, 4)), dtype="<u2"), **change)
     assert isinstance(packed, Packed)
     with pytest.raises(ValueError, match=r"is none of|do not fill"):
         unpack(packed)

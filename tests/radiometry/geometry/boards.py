@@ -1,6 +1,6 @@
 """Boards and cameras that are known, and OpenCV's own pictures."""
 
-import dataclasses
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -30,7 +30,7 @@ CAMERA = CameraModel(
     p2=-0.0006,
     k3=-0.01,
 )
-SQUARE = dataclasses.replace(CAMERA, fy_px=520.0)
+SQUARE = replace(CAMERA, fy_px=520.0)
 FREE = Params(fix_aspect_ratio=False)
 
 
@@ -84,7 +84,7 @@ def make_header(camera, *, cfa="grey", bits=12):
     changes = {"bits_per_sample": bits, "rendered": bits == 8}
     if bits == 8:
         changes |= {"container": "png", "decoder": "imagecodecs"}
-    return dataclasses.replace(studio.camera.describe(), **changes)
+    return replace(studio.camera.describe(), **changes)
 
 
 def make_frame(picture, *, cfa="grey", bits=12):
@@ -106,7 +106,7 @@ def whole(frame):
 
 
 def extract(frame, *, target=BOARD, bits=8):
-    size = dataclasses.replace(CAMERA, height_px=frame.height_px, width_px=frame.width_px)
+    size = replace(CAMERA, height_px=frame.height_px, width_px=frame.width_px)
     header = make_header(size, cfa=frame.cfa, bits=bits)
     return extract_features(frame, whole(frame), header=header, target=target)
 
@@ -118,9 +118,7 @@ def read_picture(path):
         frame=path.name,
         role="chart",
         scene=None,
-        header=make_header(
-            dataclasses.replace(CAMERA, height_px=picture.shape[0], width_px=picture.shape[1]), bits=8
-        ),
+        header=make_header(replace(CAMERA, height_px=picture.shape[0], width_px=picture.shape[1]), bits=8),
         exposure=None,
         statistics=found.statistics,
         features=found.features,
@@ -130,9 +128,9 @@ def read_picture(path):
 def transpose(row):
     """The same picture with rows and columns exchanged."""
     features = row.features
-    return dataclasses.replace(
+    return replace(
         row,
-        features=dataclasses.replace(
+        features=replace(
             features,
             height_px=features.width_px,
             width_px=features.height_px,
@@ -142,7 +140,7 @@ def transpose(row):
 
 
 def with_features(row, **changes):
-    return dataclasses.replace(row, features=dataclasses.replace(row.features, **changes))
+    return replace(row, features=replace(row.features, **changes))
 
 
 def values(fit):

@@ -1,6 +1,6 @@
 """The distortion curve in pixels and micrometres, and its uncertainty."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_the_procedure_s_lens_of_9_mm():
     corner = find_farthest_radius_px(plain)
     assert corner == pytest.approx(799.3, abs=0.1)
     ideal = corner + 32.0
-    camera = dataclasses.replace(plain, k1=-32.0 / ideal / (ideal / 1935.5) ** 2)
+    camera = replace(plain, k1=-32.0 / ideal / (ideal / 1935.5) ** 2)
     last = curve_of(camera)[-1]
     assert last.radius_px == pytest.approx(corner, abs=0.01)
     assert last.distortion_px == pytest.approx(-32.0, abs=0.01)
@@ -40,12 +40,12 @@ def test_the_procedure_s_lens_of_9_mm():
 def test_the_procedure_s_principal_point():
     """Bodies differ by 388 um: 83.4 px."""
     assert pytest.approx(83.4, abs=0.05) == 388.0 / PITCH_UM
-    camera = dataclasses.replace(SQUARE, cx_px=319.5 + 388.0 / PITCH_UM)
+    camera = replace(SQUARE, cx_px=319.5 + 388.0 / PITCH_UM)
     assert (camera.cx_px - camera.centre_px[1]) * PITCH_UM == pytest.approx(388.0)
 
 
 def test_the_curve_is_where_the_model_puts_a_direction():
-    camera = dataclasses.replace(SQUARE, p1=0.0, p2=0.0)
+    camera = replace(SQUARE, p1=0.0, p2=0.0)
     for point in curve_of(camera):
         x = point.ideal_radius_px / camera.fx_px
         seen = project(camera, np.array([[x, 0.0, 1.0]]), np.zeros(3), np.zeros(3))
@@ -81,7 +81,7 @@ def test_beyond_the_outermost_corner_the_curve_is_extrapolated():
 
 def test_a_curve_that_turns_back_ends_there_and_is_flagged():
     """r (1 + k1 r^2) turns where r^2 = -1 / (3 k1): at two thirds of that r."""
-    camera = dataclasses.replace(SQUARE, k1=-1.0, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
+    camera = replace(SQUARE, k1=-1.0, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
     turning = find_turning_radius_px(camera)
     assert turning == pytest.approx(520.0 * np.sqrt(1 / 3) * 2 / 3, rel=1e-3)
     assert [flag.flag for flag in _check_model(camera)] == ["distortion_folds"]
@@ -92,7 +92,7 @@ def test_a_curve_that_turns_back_ends_there_and_is_flagged():
 
 
 def test_a_fitted_curve_holds_the_truth_within_its_band(simulated):
-    fit = fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=PITCH_UM))
+    fit = fit_geometry(simulated, replace(FREE, pixel_pitch_um=PITCH_UM))
     assert "distortion_folds" not in raised(fit)
     ideal = np.array([point.ideal_radius_px for point in fit.curve])
     truth = distort_radially(CAMERA, ideal)

@@ -1,6 +1,6 @@
 """Boards are found where they are, in pictures and in mosaics, to a tenth of a pixel."""
 
-import dataclasses
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -79,7 +79,7 @@ def test_a_mosaic_leaves_no_pattern_and_no_shift():
 def test_the_transposed_frame_has_the_transposed_corners(raw):
     drawn, _ = raw
     here = extract(make_frame(drawn, cfa="RGGB"), target=BIG_BOARD, bits=12).features
-    turned = dataclasses.replace(BIG_BOARD, columns=4, rows=5)
+    turned = replace(BIG_BOARD, columns=4, rows=5)
     there = extract(make_frame(drawn.T, cfa="RGGB"), target=turned, bits=12).features
     assert (there.height_px, there.width_px) == (320, 240)
     mirrored = sorted((col, row) for row, col in there.fitted_px)
@@ -92,7 +92,7 @@ def test_corners_in_a_window_are_told_in_the_whole_frame(picture):
     whole = extract(frame, target=BIG_BOARD).features
     places = np.array(whole.fitted_px)
     top, left = np.maximum(np.floor(places.min(axis=0)).astype(int) - 25, 0)
-    cut = dataclasses.replace(frame, samples_dn=frame.samples_dn[top:, left:], row0=int(top), col0=int(left))
+    cut = replace(frame, samples_dn=frame.samples_dn[top:, left:], row0=int(top), col0=int(left))
     there = extract(cut, target=BIG_BOARD).features
     assert max(top, left) > 0
     np.testing.assert_allclose(there.fitted_px, places, atol=2e-3)
@@ -162,7 +162,7 @@ def test_windows_keep_clear_of_neighbours(opencv_rows):
 
 def test_corners_in_a_blurred_board_do_not_follow_its_markers():
     """2 px are clear of markers: so small a window finds no slope in a blurred picture, 3 px do."""
-    board = dataclasses.replace(CHARUCO, marker_size_mm=24.0)
+    board = replace(CHARUCO, marker_size_mm=24.0)
     drawn, pose = render(board, 4)
     blurred = cv2.GaussianBlur(drawn, (0, 0), 1.2)
     found = extract(make_frame(blurred, bits=8), target=board).features

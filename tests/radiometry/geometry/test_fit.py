@@ -1,7 +1,7 @@
 """A fit: OpenCV's published numbers, any order, what is left out, and what is flagged."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -107,7 +107,7 @@ def test_the_covariance_holds_what_corners_of_one_view_share(opencv_fit):
         for view in views_of(simulate(seed=700 + seed, count=8, noise_px=0.05, camera=SQUARE)):
             x, y = (view.seen_px - view.seen_px.mean(axis=0)).T / np.ptp(view.seen_px, axis=0).max()
             bend = np.column_stack([x * x, x * y, y * y]) @ random.normal(0.0, 1.0, (3, 2))
-            bent.append(dataclasses.replace(view, seen_px=view.seen_px + bend))
+            bent.append(replace(view, seen_px=view.seen_px + bend))
         found = solve(bent, ALL, height_px=480, width_px=640, tolerance_rel=1e-6)
         widened, ratio, dof = geometry_views.widen(bent, found, ALL)
         assert ratio > 2.0
@@ -225,7 +225,7 @@ def test_views_that_fit_badly_are_rejected_the_worst_first(simulated):
     assert all("worse than the limit of 2 px" in reason for reason in left_out.values())
     others = fit_geometry([row for row in simulated if row.frame not in left_out], FREE)
     assert values(fit) == values(others)
-    kept = fit_geometry(rows, dataclasses.replace(FREE, reject_above_px=None))
+    kept = fit_geometry(rows, replace(FREE, reject_above_px=None))
     assert kept.views == 15
     assert "reprojection_large" in raised(kept)
 
@@ -242,10 +242,10 @@ def test_frames_that_are_left_out_say_why(simulated):
     rows = list(simulated)
     rows[0] = with_features(rows[0], not_found="the board was not found", indices=(), fitted_px=())
     rows[1] = transpose(rows[1])
-    rows[2] = with_features(rows[2], target=dataclasses.replace(BOARD, square_size_mm=20.0))
-    rows[4] = dataclasses.replace(rows[4], role="field")
+    rows[2] = with_features(rows[2], target=replace(BOARD, square_size_mm=20.0))
+    rows[4] = replace(rows[4], role="field")
     exclusion = Exclusion(frame=rows[3].frame, reason="glare", by="Ann")
-    fit = fit_geometry(rows, dataclasses.replace(FREE, exclude=(exclusion,)))
+    fit = fit_geometry(rows, replace(FREE, exclude=(exclusion,)))
     reasons = {each.frame: each.left_out for each in fit.points}
     assert reasons[rows[0].frame] == "the board was not found"
     assert reasons[rows[1].frame].startswith("it is 480 x 640 pixels, most are 640 x 480")
@@ -261,7 +261,7 @@ def test_frames_that_are_left_out_say_why(simulated):
         (lambda rows: rows[:2], "3 views of the board are needed at least, 2 can be used"),
         (lambda _: [], "3 views of the board are needed at least, 0 can be used"),
         (
-            lambda rows: [dataclasses.replace(rows[0], features=None), *rows[1:]],
+            lambda rows: [replace(rows[0], features=None), *rows[1:]],
             "not searched for the board yet: frame view-000",
         ),
     ],
@@ -277,7 +277,7 @@ def test_what_a_fit_lacks(change, said, simulated):
 def test_what_is_missing_by_name(simulated):
     assert geometry_views.missing(simulated, FREE) == ()
     exclude = (Exclusion(frame="nobody", reason="x", by="y"), Exclusion(frame="later", reason="x", by="y"))
-    params = dataclasses.replace(FREE, exclude=exclude)
+    params = replace(FREE, exclude=exclude)
     assert geometry_views.missing(simulated, params, unread=["later", "soon"]) == (
         "to be left out, but not of this campaign: frame nobody",
         "not read yet: frame soon",
@@ -307,7 +307,7 @@ def test_poor_sets_are_flagged(simulated):
     fit = fit_geometry(rows, Params(radial_terms=1, tangential=False))
     told = {flag.flag: flag.detail for flag in fit.flags}
     assert "turn about one axis" in told["tilt_poor"]
-    wide = dataclasses.replace(CAMERA, fy_px=540.0)
+    wide = replace(CAMERA, fy_px=540.0)
     skewed = simulate(seed=3, count=12, noise_px=0.05, camera=wide)
     assert "pixels_not_square" in raised(fit_geometry(skewed, FREE))
     assert "pixels_not_square" not in raised(fit_geometry(simulated, FREE))
@@ -360,7 +360,7 @@ def test_errors_are_as_large_as_predicted():
 def test_expanded_uncertainty_of_three_small_views_covers_the_truth():
     """200 numbers of 50 sets: 95 % with a standard deviation of 3 %, as four of a set go together."""
     board = Target(kind="checkerboard", columns=3, rows=3, square_size_mm=70.0)
-    camera = dataclasses.replace(SQUARE, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
+    camera = replace(SQUARE, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
     params = Params(radial_terms=1, tangential=False)
     inside = []
     for seed in range(50):
@@ -409,11 +409,8 @@ def test_what_is_not_free_is_zero_and_certain(simulated):
 
 
 def test_the_size_of_the_board_enters_distances_alone(simulated):
-    larger = dataclasses.replace(BOARD, square_size_mm=250.0)
-    grown = [
-        dataclasses.replace(row, features=dataclasses.replace(row.features, target=larger))
-        for row in simulated
-    ]
+    larger = replace(BOARD, square_size_mm=250.0)
+    grown = [replace(row, features=replace(row.features, target=larger)) for row in simulated]
     here, there = fit_geometry(simulated, FREE), fit_geometry(grown, FREE)
     assert values(there)["fx_px"] == pytest.approx(values(here)["fx_px"], rel=1e-8)
     assert there.points[0].distance_mm == pytest.approx(10 * here.points[0].distance_mm, rel=1e-7)

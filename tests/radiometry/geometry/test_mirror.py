@@ -1,7 +1,7 @@
 """A picture that a viewer has mirrored or turned is found by the principal point or by colours."""
 
-import dataclasses
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_opencv_s_own_pictures_with_one_mirrored(opencv_rows):
 
 
 def test_a_centred_principal_point_makes_no_view_look_turned():
-    centred = dataclasses.replace(SQUARE, cx_px=319.5, cy_px=239.5, p1=0.0, p2=0.0)
+    centred = replace(SQUARE, cx_px=319.5, cy_px=239.5, p1=0.0, p2=0.0)
     for seed in range(6):
         rows = simulate(seed=seed, count=6, noise_px=0.1, camera=centred)
         assert "view_mirrored" not in raised(fit_geometry(rows, PARAMS))
@@ -86,7 +86,7 @@ def test_a_mirrored_charuco_board_says_so():
 
 
 HANDED = Target(kind="checkerboard", columns=5, rows=3, square_size_mm=40.0)
-NEAR = dataclasses.replace(SQUARE, cx_px=322.5, cy_px=237.1)
+NEAR = replace(SQUARE, cx_px=322.5, cy_px=237.1)
 SMALL = CameraModel(height_px=180, width_px=240, fx_px=230, fy_px=230, cx_px=122.5, cy_px=87.0, k1=-0.2)
 
 
@@ -100,7 +100,7 @@ def test_colours_show_a_mirrored_picture_3_px_from_the_middle():
         found = extract(make_frame(drawn[:, ::-1] if number == 3 else drawn, bits=8), target=HANDED)
         assert not found.features.not_found
         row = make_row(f"view-{number}", SMALL, HANDED, range(15), np.array(found.features.fitted_px))
-        rows.append(dataclasses.replace(row, features=found.features))
+        rows.append(replace(row, features=found.features))
     fit = fit_geometry(rows, Params(radial_terms=1, tangential=False))
     assert {each.frame: each.left_out for each in fit.points if not each.used} == {
         "view-3": "it is mirrored against the other pictures: "
@@ -129,7 +129,7 @@ def test_a_board_is_handed_where_its_mirror_image_has_other_colours(columns, row
 
 
 def render(row):
-    return dataclasses.replace(row, header=dataclasses.replace(row.header, rendered=True))
+    return replace(row, header=replace(row.header, rendered=True))
 
 
 def test_flag_states_how_wrong_an_unfound_mirrored_picture_makes_the_principal_point():
@@ -163,14 +163,14 @@ def test_a_raw_file_is_not_suspected_and_a_charuco_board_only_of_180_degrees():
 
 
 LENS = CameraModel(height_px=240, width_px=320, fx_px=260, fy_px=260, cx_px=166, cy_px=114, k1=-0.25)
-BOARD_NEAR = dataclasses.replace(BOARD, columns=5, rows=4)
+BOARD_NEAR = replace(BOARD, columns=5, rows=4)
 HALF_PX = 200.0
 # of the focal length: 0.8 px outwards and 0.6 px inwards in the corner
 RED, BLUE = 0.004, -0.003
 
 
 def magnify(share):
-    return dataclasses.replace(LENS, fx_px=LENS.fx_px * (1 + share), fy_px=LENS.fy_px * (1 + share))
+    return replace(LENS, fx_px=LENS.fx_px * (1 + share), fy_px=LENS.fy_px * (1 + share))
 
 
 def photograph(count, *, seed=3, **colours):
@@ -248,7 +248,7 @@ def test_intervals_hold_the_truth(shared_px):
 def test_a_large_aberration_is_flagged():
     random = np.random.default_rng(6)
     views = [
-        dataclasses.replace(view, moved_px=3.0 * view.moved_px)
+        replace(view, moved_px=3.0 * view.moved_px)
         for view in simulate_views(random, count=6, noise_px=0.05, shared_px=0.0)
     ]
     (flag,) = check_colours([fit_colour(views, LENS, channel="R")])
@@ -284,7 +284,7 @@ def test_what_is_wrong_with_a_picture(changes, outcome, code, simulated):
 
 
 def test_an_unread_picture_is_pending(simulated):
-    row = dataclasses.replace(simulated[0], features=None)
+    row = replace(simulated[0], features=None)
     assert judge([row], state="received", format=None)[row.frame] == ("pending", ["not_read"])
     assert judge([row], state="read")[row.frame] == ("pending", ["not_extracted"])
 

@@ -1,9 +1,9 @@
 """What other programs read, and the undistorted picture."""
 
-import dataclasses
 import json
 import math
 import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -16,12 +16,12 @@ from radiometry.geometry.fit import fit_geometry
 from radiometry.specification.exports import ExportSubject
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
-SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
+SMALL = replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
 
 
 @pytest.fixture(scope="module")
 def fit(simulated):
-    return fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=4.65))
+    return fit_geometry(simulated, replace(FREE, pixel_pitch_um=4.65))
 
 
 def test_opencv_reads_its_file(fit, tmp_path):
@@ -49,7 +49,7 @@ def test_json_holds_all_that_the_others_hold(fit):
     variance = read["covariance"]["matrix"][place][place]
     assert math.sqrt(variance) == pytest.approx(read["parameters"]["k3"]["standard_uncertainty"])
     assert read["pixel_pitch_um"] == 4.65
-    plain = json.loads(export_json(dataclasses.replace(fit, pixel_pitch_um=None), camera_name="c"))
+    plain = json.loads(export_json(replace(fit, pixel_pitch_um=None), camera_name="c"))
     assert "pixel_pitch_um" not in plain
 
 
@@ -89,9 +89,9 @@ def test_opendronemap_projects_points_where_the_camera_sees_them(fit, size):
     width, height = size
     size_px = {"width_px": width, "height_px": height}
     inner = {"fx_px": 540.0, "fy_px": 531.0, "cx_px": 0.52 * width, "cy_px": 0.474 * height}
-    uneven = dataclasses.replace(fit.camera, **size_px, **inner, p1=2e-3, p2=-7e-4)
+    uneven = replace(fit.camera, **size_px, **inner, p1=2e-3, p2=-7e-4)
     (export,) = (each for each in EXPORTS if each.filename == "cameras.json")
-    text = export.write(dataclasses.replace(fit, camera=uneven), subject, {"camera_id": None})
+    text = export.write(replace(fit, camera=uneven), subject, {"camera_id": None})
     rows, cols = np.meshgrid(np.linspace(0.0, height - 1.0, 9), np.linspace(0.0, width - 1.0, 12))
     points = find_directions(uneven, np.stack([rows, cols], -1).reshape(-1, 2))
     spatial = np.concatenate([points, np.ones((len(points), 1))], axis=1)
@@ -112,7 +112,7 @@ def test_opendronemap_projects_points_where_the_camera_sees_them(fit, size):
 def test_liblensfun_corrects_by_the_camera(fit, lensfunpy, changes, size, allowed_px):
     width, height = size
     changes = {"width_px": width, "height_px": height} | changes
-    camera = dataclasses.replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)
+    camera = replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)
     subject = ExportSubject(
         calibration_id="cal",
         make="Canon",
@@ -124,7 +124,7 @@ def test_liblensfun_corrects_by_the_camera(fit, lensfunpy, changes, size, allowe
     )
     (export,) = (each for each in EXPORTS if each.filename == "lensfun-distortion.xml")
     asked = {"focal_length_mm": 15.0, "mount": "canonFixed", "widest_f_number": 1.4}
-    text = export.write(dataclasses.replace(fit, camera=camera), subject, asked)
+    text = export.write(replace(fit, camera=camera), subject, asked)
     database = lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
     (found,) = database.find_cameras("Canon", "EOS 5D")
     (lens,) = database.find_lenses(found, "L", "Lens 15mm f/1.4")
@@ -165,7 +165,7 @@ def test_an_undistorted_pixel_shows_its_own_direction():
 
 
 def test_what_no_pixel_saw_is_nothing():
-    pincushion = dataclasses.replace(SMALL, k1=0.3, k2=0.0, k3=0.0)
+    pincushion = replace(SMALL, k1=0.3, k2=0.0, k3=0.0)
     plain, inside = undistort(make_picture(pincushion, np.float32), pincushion)
     assert 0.5 < inside.mean() < 1.0
     assert not inside[0, 0]
@@ -178,7 +178,7 @@ def test_what_no_pixel_saw_is_nothing():
 
 
 def test_a_lens_without_distortion_changes_nothing():
-    straight = dataclasses.replace(SMALL, k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+    straight = replace(SMALL, k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
     samples = np.random.default_rng(1).integers(0, 65_536, (120, 160, 3), np.uint16)
     plain, inside = undistort(samples, straight)
     np.testing.assert_array_equal(plain[inside], samples[inside])

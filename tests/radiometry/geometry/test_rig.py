@@ -1,7 +1,7 @@
 """The orientation of simulated cameras comes out, as exactly as its uncertainties say."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,10 +26,9 @@ POINTS = locate_corners_mm(BOARD, INDICES)
 RIG = (
     Mounted(LENS, np.zeros(6)),
     Mounted(
-        dataclasses.replace(LENS, cx_px=310.0, fx_px=525.0, fy_px=525.0),
-        np.array([0.05, 0.2, -0.02, -60.0, 5.0, 8.0]),
+        replace(LENS, cx_px=310.0, fx_px=525.0, fy_px=525.0), np.array([0.05, 0.2, -0.02, -60.0, 5.0, 8.0])
     ),
-    Mounted(dataclasses.replace(LENS, cy_px=250.0), np.array([-0.01, 0.004, 0.03, 0.0, -40.0, 1.0])),
+    Mounted(replace(LENS, cy_px=250.0), np.array([-0.01, 0.004, 0.03, 0.0, -40.0, 1.0])),
 )
 
 
@@ -157,9 +156,7 @@ def swap(pictures, camera, first, second):
     """Exchange the triggers of two pictures of a camera."""
     names = {first: second, second: first}
     return [
-        dataclasses.replace(each, scene=names[each.scene])
-        if each.camera == camera and each.scene in names
-        else each
+        replace(each, scene=names[each.scene]) if each.camera == camera and each.scene in names else each
         for each in pictures
     ]
 
@@ -183,9 +180,7 @@ def test_of_two_cameras_a_wrong_trigger_goes_whole(pictures):
     random = np.random.default_rng(9)
     (pose,) = draw_boards(RIG, BOARD, random, count=1)
     wrong = [
-        dataclasses.replace(each, view=View(POINTS, see(RIG[1], BOARD, pose)))
-        if each.frame == "camera-1-03"
-        else each
+        replace(each, view=View(POINTS, see(RIG[1], BOARD, pose))) if each.frame == "camera-1-03" else each
         for each in two
     ]
     found = orient_rig(known(RIG[:2]), wrong)
@@ -195,7 +190,7 @@ def test_of_two_cameras_a_wrong_trigger_goes_whole(pictures):
 
 def test_a_board_numbered_from_its_other_end_is_the_same_board(pictures, fitted):
     turned = [
-        dataclasses.replace(each, view=View(POINTS, each.view.seen_px[::-1])) if number % 3 == 1 else each
+        replace(each, view=View(POINTS, each.view.seen_px[::-1])) if number % 3 == 1 else each
         for number, each in enumerate(pictures)
     ]
     found = orient_rig(known(RIG), turned)
@@ -209,9 +204,7 @@ def test_the_order_of_pictures_changes_no_bit(pictures, fitted):
 
 def test_pictures_belong_together_by_scene_capture_or_time(pictures):
     def at(picture, time, scene=None):
-        return dataclasses.replace(
-            picture, scene=scene, header=dataclasses.replace(picture.header, taken_at=time)
-        )
+        return replace(picture, scene=scene, header=replace(picture.header, taken_at=time))
 
     a, b, c, d = pictures[0], pictures[1], pictures[3], pictures[4]
     timed = [at(a, "2026-05-01T10:00:00"), at(b, "2026-05-01T10:00:01"), at(c, "2026-05-01T10:00:07")]

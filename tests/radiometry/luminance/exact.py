@@ -1,6 +1,6 @@
 """A campaign whose frames obey N = D + K X exactly, and its fit."""
 
-import dataclasses
+from dataclasses import replace
 
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
@@ -45,7 +45,7 @@ def light(scene, f_number, *, time_s=None, iso=3200.0, name=None, k=K, mean_dn=N
         exposure=exposure,
         statistics=statistics(signal),
     )
-    return dataclasses.replace(row, **changes)
+    return replace(row, **changes)
 
 
 def dark(name, *, mean_dn=DARK, time_s=0.1, iso=3200.0):

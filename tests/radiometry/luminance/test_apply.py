@@ -1,7 +1,7 @@
 """From a coefficient back to a luminance, and what a frame gives to the fit."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, READIN
 
 
 def apply(mean_dn, *, exposure=None, model="proportional", **changes):
-    coefficients = [f.coefficient for f in fit(params=dataclasses.replace(PARAMS, model=model)).iso_fits]
+    coefficients = [f.coefficient for f in fit(params=replace(PARAMS, model=model)).iso_fits]
     exposure = exposure or Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
     return apply_coefficient(
         statistics(mean_dn, **changes), exposure=exposure, coefficients=coefficients
@@ -63,7 +63,7 @@ def test_the_error_of_an_f_number_is_corrected_and_an_older_version_measures_as_
     """Frames at f/8 have 3 % more light. Without K per f-number L is wrong by it."""
     rows = [light(r.scene, 8.0, k=1.03 * K) if r.exposure.f_number == 8.0 else r for r in LIGHTS]
     coefficient = fit((*rows, *DARKS)).iso_fits[0].coefficient
-    old = dataclasses.replace(coefficient, errors=None, apertures=None)
+    old = replace(coefficient, errors=None, apertures=None)
     exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
     found, before = (
         apply_coefficient(statistics(DARK + 300.0), exposure=exposure, coefficients=[each])
@@ -158,10 +158,7 @@ def read(scene, value, clock, quantity="luminance"):
 
 
 def timed(rows, *, zone="", hour=10):
-    return [
-        dataclasses.replace(row, taken_at=f"{DAY}{hour:02d}:{10 * n:02d}:00{zone}")
-        for n, row in enumerate(rows)
-    ]
+    return [replace(row, taken_at=f"{DAY}{hour:02d}:{10 * n:02d}:00{zone}") for n, row in enumerate(rows)]
 
 
 @pytest.mark.parametrize(("zone", "hour"), [("+00:00", 10), ("+02:00", 12), ("", 10), ("", 21), ("", 3)])
@@ -169,7 +166,7 @@ def test_rate_of_two_readings(zone, hour):
     """A scene of 20 minutes; before and after it 5 and 5.1 cd/m2, each to 0.1 %: +2 % in 20 minutes."""
     rows = timed(LIGHTS[3:6], zone=zone, hour=hour)
     readings = [read("middle", 5.0, "10:00:00"), read("middle", 5.1, "10:20:00")]
-    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    params = replace(PARAMS, meter_repeatability_rel=0.001)
     changes = [follow_lamp(rows, readings, params)[row.frame] for row in rows]
     assert [change.ratio for change in changes] == pytest.approx([0.9901, 1.0, 1.0099], abs=2e-4)
     # u(r T) = 0.1 % sqrt(2); half of it at either end
@@ -184,7 +181,7 @@ def test_illuminance_shows_the_drift_of_a_single_luminance_reading():
         read("middle", 100.0, "10:00:00", "illuminance"),
         read("middle", 102.0, "10:20:00", "illuminance"),
     ]
-    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    params = replace(PARAMS, meter_repeatability_rel=0.001)
     found = follow_lamp(rows, readings, params)
     assert [found[row.frame].ratio for row in rows] == pytest.approx([1.0, 1.01, 1.02], abs=3e-4)
 
@@ -195,7 +192,7 @@ def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     rows = timed(LIGHTS[3:6])
     found = follow_lamp(rows, [read("middle", 5.0, "10:00:00")], PARAMS)
     assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.006, 0.012)]
-    years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
+    years_ago = [replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
     found = follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS)
     assert [found[row.frame] for row in rows] == [
         Change(u_rel=pytest.approx(u), level_u_rel=0.008) for u in (-0.004, 0.0, 0.004)
@@ -214,8 +211,7 @@ def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
 )
 def test_a_reading_far_from_its_frames_is_told(zone, year, clock, detail):
     rows = [
-        dataclasses.replace(row, taken_at=row.taken_at.replace("2026", year))
-        for row in timed(LIGHTS[3:6], zone=zone)
+        replace(row, taken_at=row.taken_at.replace("2026", year)) for row in timed(LIGHTS[3:6], zone=zone)
     ]
     readings = [read("middle", 5.0, "10:00:00" if zone else clock), read("middle", 5.0, clock)]
     found = check_reading_times(rows, readings)
@@ -242,7 +238,7 @@ def test_drift_is_a_line_of_the_budget():
     budget = {line.source: line for line in fit().iso_fits[0].budget}
     assert budget["lamp drift"].u_rel == pytest.approx(0.006)
     assert budget["lamp drift"].kind == "B"
-    steady = fit(params=dataclasses.replace(PARAMS, lamp_drift_u_rel=0.0))
+    steady = fit(params=replace(PARAMS, lamp_drift_u_rel=0.0))
     assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
 
 
@@ -252,8 +248,8 @@ def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
     def budget(drift, *, burst=False):
         drawn = draw(5, drift_rel=drift, timed=True)
         at_once = {"taken_at": DAY + "10:00:00"} if burst else {}
-        rows = [dataclasses.replace(row, **at_once) for row in drawn.rows]
-        readings = [dataclasses.replace(each, taken_at=None) for each in drawn.readings]
+        rows = [replace(row, **at_once) for row in drawn.rows]
+        readings = [replace(each, taken_at=None) for each in drawn.readings]
         lines = fit(rows, readings, Params(meter_repeatability_rel=0.01)).iso_fits[0].budget
         return next(line.u_rel for line in lines if line.source == "lamp drift")
 

@@ -1,7 +1,7 @@
 """Repeated frames as one: noise averages, shared errors do not, and what else differs is in the budget."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,8 +129,8 @@ def test_interval_contains_the_light_that_flickers(count, most_u_rel):
         modulation = float(random.uniform(0.0, 1.0))
         shown = []
         for phase in random.uniform(0.0, 2.0 * math.pi, count).tolist():
-            seen = dataclasses.replace(night, modulation=modulation, phase=phase, glare_share=0.0)
-            still = dataclasses.replace(seen, modulation=0.0)
+            seen = replace(night, modulation=modulation, phase=phase, glare_share=0.0)
+            still = replace(seen, modulation=0.0)
             flickers, steady = (
                 each.show(np.ones((1, 1)), exposure_time_s=1 / 60, mains_frequency_hz=50.0)[0, 0, 1]
                 for each in (seen, still)

@@ -1,7 +1,7 @@
 """Errors of the field: by hand, and intervals that hold the truth where the field contains them."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ LAB = CalibrationConditions(
     focus_distance_m=1.0,
     focal_length_mm=15.0,
 )
-KNOWN = dataclasses.replace(COEFFICIENT, conditions=LAB)
+KNOWN = replace(COEFFICIENT, conditions=LAB)
 SETTINGS = Settings(exposure_time_s=0.02, f_number=4.0, iso=3200.0)
 
 
@@ -58,7 +58,7 @@ def test_flicker_of_50_hz_mains_by_hand(time_s, percent):
 
 
 def test_flicker_is_a_line_and_flagged_where_the_mains_is_assumed():
-    settings = dataclasses.replace(SETTINGS, exposure_time_s=1 / 125)
+    settings = replace(SETTINGS, exposure_time_s=1 / 125)
     stated = FieldConditions(mains_frequency_hz=50.0, flicker_modulation=0.5)
     line, raised = correct_flicker(stated, settings, frames=4)
     assert line.u_rel == pytest.approx(0.5 * 0.2339 / math.sqrt(2) / 2, rel=0.02)
@@ -69,7 +69,7 @@ def test_flicker_is_a_line_and_flagged_where_the_mains_is_assumed():
     line, raised = correct_flicker(FieldConditions(), SETTINGS, frames=1)
     assert line.u_rel == pytest.approx(math.sin(0.4 * math.pi) / (2.4 * math.pi) / math.sqrt(6))
     assert flagged(raised) == ["flicker_unknown"]
-    long = dataclasses.replace(SETTINGS, exposure_time_s=2.0)
+    long = replace(SETTINGS, exposure_time_s=2.0)
     assert not correct_flicker(FieldConditions(), long, frames=1)[1]
     assert not correct_flicker(FieldConditions(flicker_modulation=0.0), SETTINGS, frames=1)[1]
 
@@ -107,7 +107,7 @@ def test_spectrum_is_corrected_as_far_as_it_is_known():
     assert line.u_rel == estimate_u_rel(LAB.camera_response, **pair, measured="HP1")
     assert not raised
     # the same lamp needs no response
-    bare = dataclasses.replace(COEFFICIENT, conditions=CalibrationConditions(lamp="cie a"))
+    bare = replace(COEFFICIENT, conditions=CalibrationConditions(lamp="cie a"))
     line, raised = correct_spectrum(FieldConditions(light_source="A"), bare, None)
     assert (line.factor, line.u_rel, raised) == (1.0, 0.02, ())
     # only the colour of the region
@@ -192,7 +192,7 @@ def measure_night(random, told):
     """Measure the dark half of a scene; (L - truth) / truth and u / truth."""
     camera, light = random.choice(CAMERAS), str(random.choice(LIGHTS))
     night = draw_field(random, camera=str(camera), lamp="A", light=light)
-    exposure = dataclasses.replace(EXPOSURE, exposure_time_s=1 / 60)
+    exposure = replace(EXPOSURE, exposure_time_s=1 / 60)
     per_dn = 16 * 60 / (30 * 3200)
     shown = night.show(SCENE, exposure_time_s=1 / 60, mains_frequency_hz=50.0)
     planes = np.take_along_axis(shown, SITES[..., None], axis=2)[..., 0] / per_dn
@@ -211,7 +211,7 @@ def measure_night(random, told):
         "distance_m": night.measured_m,
         "glare_share": night.glare_share,
     }
-    exact = dataclasses.replace(
+    exact = replace(
         COEFFICIENT, luminance_k_standard_uncertainty=0.0, covariance=((0.0,),), meter_calibration_u_rel=0.0,
         f_number_u_rel=0.0, exposure_time_u_rel=0.0, dark_signal_standard_uncertainty_dn=0.0, conditions=lab,
     )  # fmt: skip
@@ -279,7 +279,7 @@ def test_flicker_of_a_kind_by_hand():
         assert line.u_rel == pytest.approx(np.quantile(errors, 0.95) / 1.96, rel=0.01)
         assert line.u_rel > np.sqrt(np.mean(errors**2))
     # a moment of light that goes out altogether
-    flash = dataclasses.replace(AT_250, exposure_time_s=1e-6)
+    flash = replace(AT_250, exposure_time_s=1e-6)
     assert 1.0 < flicker_of(at=flash, lamp_kind="sodium", mains_frequency_hz=50.0)[0].u_rel < 10.0
 
 
@@ -297,7 +297,7 @@ def test_mains_alone_changes_the_flicker_line():
     assert unknown.u_rel == max(line.u_rel for line, _ in lines.values())
     # direct current, and a whole number of half periods
     assert (lines[0.0][0].u_rel, lines[0.0][0].basis) == (0.0, "direct current")
-    whole = dataclasses.replace(AT_250, exposure_time_s=1 / 50)
+    whole = replace(AT_250, exposure_time_s=1 / 50)
     assert flicker_of(at=whole, mains_frequency_hz=50.0)[0].u_rel < 1e-12
     assert flicker_of(at=whole)[0].u_rel > 0.04
 
@@ -307,7 +307,7 @@ COLOUR = (1.0, 1.0)
 
 def at_lamp(**known):
     conditions = CalibrationConditions(colour=COLOUR, **known)
-    return dataclasses.replace(COEFFICIENT, conditions=conditions)
+    return replace(COEFFICIENT, conditions=conditions)
 
 
 def test_spectrum_of_kinds_says_what_it_assumed():
@@ -348,7 +348,7 @@ def test_profile_replaces_any_depth_and_ten_percent():
                 conditions=FieldConditions(**stated),
             ),
             exposure=exposure,
-            coefficients=(dataclasses.replace(at_lamp(**known), f_number_u_rel=0.0),),
+            coefficients=(replace(at_lamp(**known), f_number_u_rel=0.0),),
             calibrated=(ROI,),
         )
         us.append(
@@ -390,8 +390,8 @@ def draw_night(random, kind, time_s, k_u_rel=0.015):
         colours.append((red / green, blue / green))
     known = CalibrationConditions(colour=colours[0], lamp_kind="led")
     field = FieldConditions(lamp_kind=kind, mains_frequency_hz=50.0)
-    spectrum, _ = correct_spectrum(field, dataclasses.replace(COEFFICIENT, conditions=known), colours[1])
-    flicker, _ = correct_flicker(field, dataclasses.replace(AT_250, exposure_time_s=time_s), frames=1)
+    spectrum, _ = correct_spectrum(field, replace(COEFFICIENT, conditions=known), colours[1])
+    flicker, _ = correct_flicker(field, replace(AT_250, exposure_time_s=time_s), frames=1)
     shown = greens[1] / greens[0] * expose(random, kind, time_s) * (1.0 + random.normal(0.0, k_u_rel))
     value = shown * spectrum.factor
     return value - 1.0, value * math.hypot(k_u_rel, spectrum.u_rel, flicker.u_rel)

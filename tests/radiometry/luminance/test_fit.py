@@ -1,9 +1,9 @@
 """K from rows: by hand, its uncertainty, the models beside one another, and what does not matter."""
 
-import dataclasses
 import json
 import math
 import random as python_random
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -50,10 +50,7 @@ def test_exact_points_give_k_and_no_flag():
 
 def test_uncertainty_by_hand():
     """Three scenes at 1 %, f-numbers at 2 * 1.5 %, times at 0.5 % (one per scene); meter 1.5, lamp 0.6 %."""
-    rows = tuple(
-        dataclasses.replace(r, statistics=(dataclasses.replace(r.statistics[0], std_dn=1.0, n=10**8),))
-        for r in ROWS
-    )
+    rows = tuple(replace(r, statistics=(replace(r.statistics[0], std_dn=1.0, n=10**8),)) for r in ROWS)
     iso_fit = fit(rows).iso_fits[0]
     coefficient = iso_fit.coefficient
     expected = math.sqrt((0.01**2 + 4 * 0.015**2 + 0.005**2) / 3 + 0.015**2 + 0.006**2)
@@ -68,11 +65,9 @@ def test_uncertainty_by_hand():
 def test_order_changes_no_bit_of_a_scattered_campaign(drawn):
     random, shuffler, params = np.random.default_rng(5), python_random.Random(4), Params(panel_rho=0.8)
     rows = [
-        dataclasses.replace(
+        replace(
             row,
-            statistics=tuple(
-                dataclasses.replace(s, mean_dn=DARK + (s.mean_dn - DARK) * factor) for s in row.statistics
-            ),
+            statistics=tuple(replace(s, mean_dn=DARK + (s.mean_dn - DARK) * factor) for s in row.statistics),
         )
         for row, factor in zip(drawn.rows, random.normal(1.0, 0.01, len(drawn.rows)), strict=True)
     ]
@@ -89,7 +84,7 @@ def test_order_changes_no_bit_of_a_scattered_campaign(drawn):
 @pytest.mark.parametrize("model", ["proportional", "affine", "power", "semilog"])
 def test_results_are_plain_finite_json(drawn, model):
     result = luminance.fit(drawn.rows, drawn.readings, Params(model=model))
-    text = json.dumps(dataclasses.asdict(result), allow_nan=False)
+    text = json.dumps(asdict(result), allow_nan=False)
     back = json.loads(text)["iso_fits"][0]["coefficient"]
     again = TypeAdapter(Coefficient).validate_python(back)
     assert again.luminance_k == result.iso_fits[0].coefficient.luminance_k
@@ -139,7 +134,7 @@ def test_aicc_by_hand():
 
 def test_leaving_a_scene_out_by_hand():
     """One reading is 10 % high: its scene's prediction from the two others is that much too low."""
-    readings = [dataclasses.replace(r, value=r.value * 1.1) if r.scene == "dim" else r for r in READINGS]
+    readings = [replace(r, value=r.value * 1.1) if r.scene == "dim" else r for r in READINGS]
     report = fit(readings=readings).iso_fits[0].models[0]
     others = 1 / math.sqrt(1.1)  # either of the others, seen from the mean of itself's like and the wrong one
     assert report.left_out_max_rel == pytest.approx(1 - 1 / 1.1, rel=2e-3)
@@ -149,7 +144,7 @@ def test_leaving_a_scene_out_by_hand():
 
 
 def test_semilog_is_flagged_and_fails_where_proportional_passes():
-    result = fit(params=dataclasses.replace(PARAMS, model="semilog"))
+    result = fit(params=replace(PARAMS, model="semilog"))
     assert raised(result, codes.SEMILOG_MODEL) == [""]
     assert raised(result, codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
     assert result.iso_fits[0].coefficient.luminance_k_unit == "DN"
@@ -164,7 +159,7 @@ def test_verdict_is_the_largest_error_against_the_tolerance():
     assert 0.04 < worst < 0.065
     assert not result.passed
     assert raised(result, codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
-    assert fit(rows, params=dataclasses.replace(PARAMS, tolerance_rel=0.07)).passed
+    assert fit(rows, params=replace(PARAMS, tolerance_rel=0.07)).passed
 
 
 def test_rules_judge_the_uncertainty_of_k():
@@ -174,7 +169,7 @@ def test_rules_judge_the_uncertainty_of_k():
     widest = max(k.luminance_k_standard_uncertainty / k.luminance_k for k in apertures)
     for rule, factor, risk in (("guarded", 1.645, 0.1), ("shared_risk", 1.96, 0.05)):
         for tolerance, passed in ((0.9 * factor * widest, False), (1.5 * factor * widest, True)):
-            stated = dataclasses.replace(PARAMS, acceptance=rule, tolerance_rel=tolerance)
+            stated = replace(PARAMS, acceptance=rule, tolerance_rel=tolerance)
             result = fit(rows, params=stated)
             (one,) = result.iso_fits
             assert result.passed is passed
@@ -189,12 +184,11 @@ def test_rules_judge_the_uncertainty_of_k():
 def test_guarded_verdicts_with_a_meter_that_repeats_to_2_percent():
     """Of 20 campaigns none has a K that is off by 4 %, and most are accepted by what their u says."""
     random = np.random.default_rng(3)
-    stated = dataclasses.replace(PARAMS, acceptance="guarded")
+    stated = replace(PARAMS, acceptance="guarded")
     risks, accepted, off = [], [], []
     for _ in range(20):
         read = [
-            dataclasses.replace(each, value=each.value * (1.0 + 0.02 * random.standard_normal()))
-            for each in READINGS
+            replace(each, value=each.value * (1.0 + 0.02 * random.standard_normal())) for each in READINGS
         ]
         (one,) = (result := fit(readings=read, params=stated)).iso_fits
         risks.append(one.beyond_tolerance_risk)
@@ -215,10 +209,7 @@ def test_an_offset_that_hardly_counts_converges():
         for f in (2.8, 4.0, 5.6, 8.0)
     ]
     rows += DARKS
-    quiet = [
-        dataclasses.replace(row, statistics=(dataclasses.replace(row.statistics[0], std_dn=1.0),))
-        for row in rows
-    ]
+    quiet = [replace(row, statistics=(replace(row.statistics[0], std_dn=1.0),)) for row in rows]
     readings = [
         reading(scene, value * (1.0 + 0.005 * random.standard_normal()))
         for scene, value in scenes.items()
@@ -233,7 +224,7 @@ def test_an_offset_that_hardly_counts_converges():
 def test_flicker_of_the_lamp_is_a_line_of_k_where_the_mains_is_stated():
     """Exposures of whole periods of 50 Hz mains, and a lamp on direct current, have no such line."""
     plain, whole, direct, stated = (
-        fit(params=dataclasses.replace(PARAMS, mains_frequency_hz=mains, lamp_modulation=depth)).iso_fits[0]
+        fit(params=replace(PARAMS, mains_frequency_hz=mains, lamp_modulation=depth)).iso_fits[0]
         for mains, depth in ((None, None), (50.0, 1.0), (47.0, 0.0), (47.0, 0.5))
     )
     assert plain.budget == whole.budget == direct.budget
@@ -246,8 +237,8 @@ def test_flicker_of_the_lamp_is_a_line_of_k_where_the_mains_is_stated():
 
 @pytest.mark.parametrize("rule", ["simple", "guarded", "shared_risk"])
 def test_a_guard_band_accepts_no_k_that_is_relative_only(rule):
-    stated = dataclasses.replace(PARAMS, acceptance=rule, tolerance_rel=0.5)
-    bare = [dataclasses.replace(r, expanded_uncertainty_rel=None, coverage_factor=None) for r in READINGS]
+    stated = replace(PARAMS, acceptance=rule, tolerance_rel=0.5)
+    bare = [replace(r, expanded_uncertainty_rel=None, coverage_factor=None) for r in READINGS]
     result = fit(readings=bare, params=stated)
     assert result.passed is (rule == "simple")
     assert result.iso_fits[0].expanded_u_rel is None
@@ -257,7 +248,7 @@ def test_a_guard_band_accepts_no_k_that_is_relative_only(rule):
 
 
 def test_lamp_response_and_colour_are_kept_with_k():
-    stated = dataclasses.replace(PARAMS, lamp="A", camera_response="Nikon D5100", focus_distance_m=1.5)
+    stated = replace(PARAMS, lamp="A", camera_response="Nikon D5100", focus_distance_m=1.5)
     result = fit(params=stated)
     assert (result.spectral.lamp, result.spectral.camera_response) == ("A", "Nikon D5100")
     assert result.spectral.f1_prime == pytest.approx(0.65, abs=0.006)
@@ -265,7 +256,7 @@ def test_lamp_response_and_colour_are_kept_with_k():
     assert (kept.lamp, kept.focus_distance_m, kept.colour) == ("A", 1.5, None)  # these frames are grey
     assert (fit().spectral, fit().iso_fits[0].coefficient.conditions) == (None, None)
     with pytest.raises(InputRejected):
-        dataclasses.replace(PARAMS, lamp="candle")
+        replace(PARAMS, lamp="candle")
 
 
 def test_points_carry_their_numbers():
@@ -279,7 +270,7 @@ def test_points_carry_their_numbers():
 
 
 def test_several_readings_of_a_scene_are_averaged():
-    more = [*READINGS, dataclasses.replace(READINGS[0], value=52.0)]
+    more = [*READINGS, replace(READINGS[0], value=52.0)]
     scene = next(s for s in fit(readings=more).scenes if s.scene == "bright")
     assert (scene.readings, scene.luminance_cd_m2) == (2, 51.0)
     assert scene.spread_rel == pytest.approx(2 / 51)
@@ -296,9 +287,9 @@ def test_the_range_of_validity():
 def test_the_basis_is_used():
     """All f/11 for 11.314: K found on the APEX basis is greater by (11.314 / 11)^2 = 5.8 %."""
     rows = [
-        dataclasses.replace(
+        replace(
             row,
-            exposure=dataclasses.replace(
+            exposure=replace(
                 row.exposure,
                 f_number_apex=row.exposure.f_number * 2**3.5 / 11,
                 exposure_time_apex_s=row.exposure.exposure_time_s,
@@ -306,7 +297,7 @@ def test_the_basis_is_used():
         )
         for row in ROWS
     ]
-    result = fit(rows, params=dataclasses.replace(PARAMS, exposure_basis="apex"))
+    result = fit(rows, params=replace(PARAMS, exposure_basis="apex"))
     assert result.iso_fits[0].coefficient.luminance_k == pytest.approx(K * 2**7 / 121, rel=1e-9)
     assert result.iso_fits[0].coefficient.exposure_basis == "apex"
 
@@ -323,7 +314,7 @@ def test_the_basis_is_used():
     ],
 )
 def test_a_point_is_left_out_with_its_reason(changes, reason):
-    result = fit((*ROWS, dataclasses.replace(light("dim", 11.0, name="odd"), **changes)))
+    result = fit((*ROWS, replace(light("dim", 11.0, name="odd"), **changes)))
     odd = point(result, "odd")
     assert not odd.used
     assert reason in odd.left_out
@@ -333,14 +324,14 @@ def test_a_point_is_left_out_with_its_reason(changes, reason):
 
 def test_a_thousandth_saturated_still_counts():
     rows = (*ROWS, light("dim", 11.0, name="odd"))
-    kept = dataclasses.replace(rows[-1].statistics[0], saturated_share=0.001)
-    assert point(fit((*rows[:-1], dataclasses.replace(rows[-1], statistics=(kept,)))), "odd").used
+    kept = replace(rows[-1].statistics[0], saturated_share=0.001)
+    assert point(fit((*rows[:-1], replace(rows[-1], statistics=(kept,)))), "odd").used
 
 
 def test_a_frame_excluded_by_hand_says_who_and_why():
     exclude = (Exclusion(frame="odd", reason="someone walked past", by="R. Ecorder"),)
     rows = (*ROWS, light("dim", 11.0, k=99.0, name="odd"))
-    result = fit(rows, params=dataclasses.replace(PARAMS, exclude=exclude))
+    result = fit(rows, params=replace(PARAMS, exclude=exclude))
     assert point(result, "odd").left_out == "excluded by R. Ecorder: someone walked past"
     assert result.iso_fits[0].coefficient.luminance_k == pytest.approx(K, rel=1e-9)
 
@@ -348,7 +339,7 @@ def test_a_frame_excluded_by_hand_says_who_and_why():
 def test_an_excluded_dark_frame_does_not_count():
     exclude = (Exclusion(frame="lit", reason="lamp was on", by="me"),)
     rows = (*LIGHTS, *DARKS[:1], dark("lit", mean_dn=900.0))
-    result = fit(rows, params=dataclasses.replace(PARAMS, exclude=exclude))
+    result = fit(rows, params=replace(PARAMS, exclude=exclude))
     assert result.iso_fits[0].coefficient.dark_signal_dn == DARK
 
 
@@ -361,11 +352,7 @@ def test_nothing_is_missing():
     [
         (DARKS, READINGS, "the campaign has no light frame"),
         ((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, "no statistics yet: frame new"),
-        (
-            (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene=None)),
-            READINGS,
-            "no scene: frame new",
-        ),
+        ((*ROWS, replace(light("dim", 11.0, name="new"), scene=None)), READINGS, "no scene: frame new"),
         (
             tuple(row for row in ROWS if row.scene != "bright"),
             READINGS,
@@ -383,13 +370,13 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence
 
 
 def test_frames_that_are_still_measured_are_no_missing_light_levels():
-    rows = tuple(dataclasses.replace(row, statistics=None) if row.scene != "dim" else row for row in LIGHTS)
+    rows = tuple(replace(row, statistics=None) if row.scene != "dim" else row for row in LIGHTS)
     assert [each for each in luminance.missing(rows, READINGS, PARAMS) if "usable" in each] == []
 
 
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
     scenes = ("level-10", "level-2")
-    rows = (*ROWS, *(dataclasses.replace(light("dim", 11.0, name=each), scene=each) for each in scenes))
+    rows = (*ROWS, *(replace(light("dim", 11.0, name=each), scene=each) for each in scenes))
     (unread,) = luminance.missing(rows, READINGS, PARAMS)
     assert unread == "scenes level-2 and level-10 have no luminance reading"
     assert (unread.finding, unread.subjects) == (codes.READING_MISSING, ("scene level-2", "scene level-10"))
@@ -399,7 +386,7 @@ def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
 def test_scenes_that_lack_readings_alone_are_one_cause():
     """As of a card whose scenes were proposed, and whose readings have other names: no level is missing."""
     names = {scene: f"Scene {n}" for n, scene in enumerate(("bright", "middle", "dim"), start=1)}
-    rows = [dataclasses.replace(row, scene=names.get(row.scene)) for row in ROWS]
+    rows = [replace(row, scene=names.get(row.scene)) for row in ROWS]
     assert luminance.missing(rows, READINGS, PARAMS) == ("scenes 1 to 3 have no luminance reading",)
     assert not [each for each in plan(rows, READINGS, PARAMS) if "level" in each]
     with pytest.raises(InputRejected, match="ISO 3200 has 0 usable scenes"):
@@ -407,13 +394,13 @@ def test_scenes_that_lack_readings_alone_are_one_cause():
 
 
 def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():
-    rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
-    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="new", reason="", by="me"),))
+    rows = (*ROWS, replace(light("dim", 11.0, name="new"), scene="level-4"))
+    params = replace(PARAMS, exclude=(Exclusion(frame="new", reason="", by="me"),))
     assert luminance.missing(rows, READINGS, params) == ()
 
 
 def test_a_campaign_without_a_region_says_so_once():
-    bare = [dataclasses.replace(row, statistics=None, has_region=False) for row in ROWS]
+    bare = [replace(row, statistics=None, has_region=False) for row in ROWS]
     assert luminance.missing(bare, READINGS, PARAMS) == ("the campaign has no region (ROI)",)
     assert luminance.missing((*bare[:1], *ROWS[1:]), READINGS, PARAMS) == (
         "no region (ROI): frame bright-3200-5.6",
@@ -421,7 +408,7 @@ def test_a_campaign_without_a_region_says_so_once():
 
 
 def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
-    waiting = [dataclasses.replace(row, statistics=None) for row in ROWS]
+    waiting = [replace(row, statistics=None) for row in ROWS]
     assert luminance.missing(waiting, READINGS, PARAMS) == (
         "no statistics yet: frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more",
     )
@@ -436,12 +423,12 @@ def test_what_is_not_read_yet_is_named_and_may_be_the_light_frames():
 
 
 def test_excluding_an_unknown_frame_is_said():
-    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
+    params = replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
     assert luminance.missing(ROWS, READINGS, params) == (
         "to be left out, but not of this campaign: frame ghost",
     )
 
 
 def test_an_excluded_frame_need_not_be_extracted():
-    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="new", reason="blurred", by="me"),))
+    params = replace(PARAMS, exclude=(Exclusion(frame="new", reason="blurred", by="me"),))
     assert luminance.missing((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, params) == ()

@@ -1,8 +1,8 @@
 """What a fit warns of: the dark signal, agreement between frames and scenes, scatter."""
 
-import dataclasses
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,15 +75,9 @@ def test_without_dark_frames_the_black_level_stands_in():
         ((*LIGHTS, *DARKS[:4]), READINGS, PARAMS, shared.DARK_EXPOSURE_DIFFERS, "iso 3200"),
         ((*ROWS, dark("warm", mean_dn=DARK + 20)), READINGS, PARAMS, luminance_codes.DARK_VARIES, "iso 3200"),
         ((*ROWS, dark("lit", mean_dn=DARK + 20)), READINGS, PARAMS, shared.DARK_NOT_DARK, "iso 3200"),
+        ((*ROWS[1:], replace(LIGHTS[0], rendered=True)), READINGS, PARAMS, shared.RENDERED, "iso 3200"),
         (
-            (*ROWS[1:], dataclasses.replace(LIGHTS[0], rendered=True)),
-            READINGS,
-            PARAMS,
-            shared.RENDERED,
-            "iso 3200",
-        ),
-        (
-            (*ROWS[1:], dataclasses.replace(LIGHTS[0], gain_maps=("ab",))),
+            (*ROWS[1:], replace(LIGHTS[0], gain_maps=("ab",))),
             READINGS,
             PARAMS,
             luminance_codes.GAIN_MAPS_DIFFER,
@@ -93,18 +87,12 @@ def test_without_dark_frames_the_black_level_stands_in():
         (ROWS, READINGS, Params(), luminance_codes.METER_REPEATABILITY_ESTIMATED, "iso 3200"),
         (
             ROWS,
-            [dataclasses.replace(READINGS[0], expanded_uncertainty_rel=None), *READINGS[1:]],
+            [replace(READINGS[0], expanded_uncertainty_rel=None), *READINGS[1:]],
             PARAMS,
             luminance_codes.METER_CERTIFICATE_MISSING,
             "",
         ),
-        (
-            ROWS,
-            READINGS,
-            dataclasses.replace(PARAMS, exposure_basis="apex"),
-            luminance_codes.APEX_MISSING,
-            "iso 3200",
-        ),
+        (ROWS, READINGS, replace(PARAMS, exposure_basis="apex"), luminance_codes.APEX_MISSING, "iso 3200"),
         (
             ROWS,
             (*READINGS, *(Reading(scene="dim", quantity="illuminance", value=v) for v in (10.0, 10.21))),
@@ -113,8 +101,8 @@ def test_without_dark_frames_the_black_level_stands_in():
             "scene dim",
         ),
         (
-            [dataclasses.replace(row, taken_at="2026-03-02T10:00:00+00:00") for row in ROWS],
-            (dataclasses.replace(READINGS[0], taken_at="2026-03-02T12:00:00+00:00"), *READINGS[1:]),
+            [replace(row, taken_at="2026-03-02T10:00:00+00:00") for row in ROWS],
+            (replace(READINGS[0], taken_at="2026-03-02T12:00:00+00:00"), *READINGS[1:]),
             PARAMS,
             luminance_codes.READING_FAR_FROM_FRAMES,
             f"scene {READINGS[0].scene}",
@@ -122,7 +110,7 @@ def test_without_dark_frames_the_black_level_stands_in():
         (
             ROWS,
             (*READINGS, Reading(scene="dim", quantity="illuminance", value=0.5 * math.pi / 0.8 * 10.764)),
-            dataclasses.replace(PARAMS, panel_rho=0.8),
+            replace(PARAMS, panel_rho=0.8),
             luminance_codes.RHO_CROSS_CHECK,
             "scene dim",
         ),
@@ -135,7 +123,7 @@ def test_a_flag_says_where(rows, readings, params, flag, where):
 
 def test_agreement_raises_no_flag():
     readings = (*READINGS, *(Reading(scene="dim", quantity="illuminance", value=v) for v in (1.95, 1.98)))
-    result = fit(readings=readings, params=dataclasses.replace(PARAMS, panel_rho=0.8))
+    result = fit(readings=readings, params=replace(PARAMS, panel_rho=0.8))
     assert result.flags == ()
     dim = next(s for s in result.scenes if s.scene == "dim")
     assert dim.rho_e_pi_cd_m2 == pytest.approx(0.8 * 1.965 / math.pi)
@@ -144,7 +132,7 @@ def test_agreement_raises_no_flag():
 @pytest.mark.parametrize(("exponent", "flagged"), [(1.03, True), (0.97, True), (1.01, False)])
 def test_a_bent_response_is_flagged(exponent, flagged):
     rows = [
-        dataclasses.replace(row, statistics=statistics(DARK + (row.statistics[0].mean_dn - DARK) ** exponent))
+        replace(row, statistics=statistics(DARK + (row.statistics[0].mean_dn - DARK) ** exponent))
         for row in LIGHTS
     ]
     assert raised(fit((*rows, *DARKS)), luminance_codes.NONLINEAR) == (["iso 3200"] if flagged else [])
@@ -155,13 +143,13 @@ def test_a_bent_response_is_flagged(exponent, flagged):
 )
 def test_an_implausible_k_is_flagged(factor, flagged):
     """Expected here: (4095 - 256) / 120 = 32; readings in foot-lamberts would be off by 3.4."""
-    readings = [dataclasses.replace(r, value=r.value * K / 32.0 / factor) for r in READINGS]
+    readings = [replace(r, value=r.value * K / 32.0 / factor) for r in READINGS]
     assert raised(fit(readings=readings), luminance_codes.IMPLAUSIBLE_K) == (["iso 3200"] if flagged else [])
 
 
 def test_scatter_beyond_the_claims_is_flagged():
     rows = [light(s, f, k=K * (1 + (-1) ** n * 0.1)) for s in SCENES for n, f in enumerate((5.6, 8.0, 16.0))]
-    result = fit((*rows, *DARKS), params=dataclasses.replace(PARAMS, f_number_u_rel=0.001))
+    result = fit((*rows, *DARKS), params=replace(PARAMS, f_number_u_rel=0.001))
     assert raised(result, shared.SCATTER_EXCEEDS_UNCERTAINTY) == ["iso 3200"]
     (iso_fit,) = result.iso_fits
     scatter = iso_fit.models[0].frame_scatter_rel
@@ -190,10 +178,7 @@ def test_a_scene_is_predicted_with_the_scatter_that_was_found():
     """Of seven nearly noiseless frames one is 14 % low: it pulls the predictions by a fifth, no more."""
     shots = {"bright": (5.6, 8.0, 16.0), "middle": (5.6, 8.0), "dim": (8.0, 16.0)}
     rows = [light(s, f, k=K * (0.86 if (s, f) == ("bright", 5.6) else 1.0)) for s in shots for f in shots[s]]
-    quiet = [
-        dataclasses.replace(r, statistics=(dataclasses.replace(r.statistics[0], std_dn=1.0, n=10**8),))
-        for r in (*rows, *DARKS)
-    ]
+    quiet = [replace(r, statistics=(replace(r.statistics[0], std_dn=1.0, n=10**8),)) for r in (*rows, *DARKS)]
     report = fit(quiet).iso_fits[0].models[0]
     pulled = 1 - 0.86 ** (1 / 5)
     assert report.left_out_max_rel == pytest.approx(0.14, abs=0.005)
@@ -203,9 +188,7 @@ def test_a_scene_is_predicted_with_the_scatter_that_was_found():
 def test_an_offset_is_flagged_with_its_size(drawn):
     """Stray light of 40 DN in every light frame of ISO 3200; the weakest has some 80 DN above dark."""
     lit = [
-        dataclasses.replace(
-            row, statistics=tuple(dataclasses.replace(s, mean_dn=s.mean_dn + 40.0) for s in row.statistics)
-        )
+        replace(row, statistics=tuple(replace(s, mean_dn=s.mean_dn + 40.0) for s in row.statistics))
         if row.role == "light" and row.exposure.iso == 3200.0
         else row
         for row in drawn.rows
@@ -223,9 +206,9 @@ def test_scatter_that_no_meter_has_is_named():
     """Readings of six coloured patches that differ by 27 %: not "usual"."""
     random = np.random.default_rng(1)
     rows = [light(s, f, name=f"{s}{n}-{f}") for n in range(2) for s in SCENES for f in (5.6,)]
-    rows = [dataclasses.replace(row, scene=row.frame.partition("-")[0]) for row in rows]
+    rows = [replace(row, scene=row.frame.partition("-")[0]) for row in rows]
     readings = [
-        dataclasses.replace(r, scene=f"{r.scene}{n}", value=r.value * math.exp(random.normal(0, 0.27)))
+        replace(r, scene=f"{r.scene}{n}", value=r.value * math.exp(random.normal(0, 0.27)))
         for n in range(2)
         for r in READINGS
     ]
@@ -284,9 +267,7 @@ def test_one_time_leaves_the_rate_to_its_plausible_size():
 def test_growth_is_subtracted_at_the_time_of_each_frame():
     """Light at 0.01, 0.1 and 1 s above a dark signal that grows by 200 DN/s; so does a field frame's."""
     grown = [
-        dataclasses.replace(
-            row, statistics=statistics(row.statistics[0].mean_dn + 200 * row.exposure.exposure_time_s)
-        )
+        replace(row, statistics=statistics(row.statistics[0].mean_dn + 200 * row.exposure.exposure_time_s))
         for row in ROWS
     ]
     result = fit(grown)
@@ -306,7 +287,7 @@ def test_growth_that_was_not_measured_is_a_line_of_the_budget():
     one_time = (*LIGHTS, *(dark(f"d{n}", time_s=0.1) for n in range(3)))
     budget = {line.source: line.u_rel for line in fit(one_time).iso_fits[0].budget}
     assert budget["dark current"] > 0.0
-    trusted = fit(one_time, params=dataclasses.replace(PARAMS, dark_rate_u_rel=0.0))
+    trusted = fit(one_time, params=replace(PARAMS, dark_rate_u_rel=0.0))
     assert "dark current" not in {line.source for line in trusted.iso_fits[0].budget}
     # light frames of the dark frames' time do not show it: 0.002 /s of 3839 DN at ISO 3200 remain
     alike = [light(scene, f, time_s=0.1) for scene in SCENES for f in (8.0, 16.0)]
@@ -343,7 +324,7 @@ def test_darks_around_the_light_times_are_not_flagged():
 
 
 def test_missing_black_level_is_flagged():
-    rows = tuple(dataclasses.replace(row, assumes_black=row.scene == "dim") for row in ROWS)
+    rows = tuple(replace(row, assumes_black=row.scene == "dim") for row in ROWS)
     (flag,) = [each for each in fit(rows).flags if each.flag == "black_level_assumed"]
     assert flag.detail == "Frames without a black level: 3 of 9; 0 DN is used for plausibility alone."
     assert raised(fit((*LIGHTS, *ROWS[9:])), "black_level_assumed") == []

@@ -1,7 +1,7 @@
 """Each reason that lies in one frame's signal: on its boundary, beside it, with the sentence that helps."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -167,8 +167,8 @@ def photon(scene, f_number, *, unevenness=0.0, gain=2.0, **changes):
     mean = row.statistics[0].mean_dn
     signal = mean - DARK
     std = math.sqrt(400.0 + gain * signal + (unevenness * signal) ** 2)
-    found = dataclasses.replace(row.statistics[0], std_dn=std, max_dn=min(4000, round(mean + 5 * std)))
-    return dataclasses.replace(row, statistics=(found,))
+    found = replace(row.statistics[0], std_dn=std, max_dn=min(4000, round(mean + 5 * std)))
+    return replace(row, statistics=(found,))
 
 
 def test_spread_beyond_photon_noise():
@@ -189,8 +189,8 @@ def test_scatter_of_a_small_region_is_not_unevenness(errors, found):
     def scattered(row, sign):
         only = row.statistics[0]
         error = math.sqrt(2 / only.n) * only.std_dn**2
-        changed = dataclasses.replace(only, std_dn=math.sqrt(only.std_dn**2 + sign * errors * error))
-        return dataclasses.replace(row, statistics=(changed,))
+        changed = replace(only, std_dn=math.sqrt(only.std_dn**2 + sign * errors * error))
+        return replace(row, statistics=(changed,))
 
     weak, strong = (
         photon("middle", f_number, gain=40.0, name=name, n=100)
@@ -227,7 +227,7 @@ def test_evenness_is_not_judged_of_weak_signals():
 
 
 def test_a_tone_curve_says_nothing_of_the_light():
-    frame = dataclasses.replace(odd(1000.0, median_dn=DARK + 1100.0), rendered=True)
+    frame = replace(odd(1000.0, median_dn=DARK + 1100.0), rendered=True)
     assert codes((*ROWS, frame), "odd") == []
 
 
@@ -235,7 +235,7 @@ def test_a_tone_curve_says_nothing_of_the_light():
 
 
 def test_a_light_frame_without_a_scene():
-    frame = dataclasses.replace(odd(1000.0), scene=None)
+    frame = replace(odd(1000.0), scene=None)
     found = only((*ROWS, frame), "odd")
     assert (found.code, found.outcome) == ("scene_missing", "fail")
 
@@ -385,7 +385,7 @@ def test_greens_count_and_red_does_not():
         statistics(DARK + 750.0, channel="G2"),
         statistics(2000.0, channel="grey", saturated_share=0.25, std_dn=900.0),
     )
-    frame = dataclasses.replace(light("middle", 8.0, name="odd", time_s=0.1000001), statistics=clipped)
+    frame = replace(light("middle", 8.0, name="odd", time_s=0.1000001), statistics=clipped)
     assert codes((*ROWS, frame), "odd") == []
 
 
@@ -395,15 +395,15 @@ def test_order_changes_nothing():
 
 
 def test_frames_of_other_roles_and_states_are_judged_by_themselves():
-    chart = dataclasses.replace(taken(LIGHTS[0]), frame="chart", role="chart")
-    auto = dataclasses.replace(chart, frame="auto", flags=(shared.EXPOSURE_NOT_MANUAL,))
-    refused = dataclasses.replace(chart, frame="no", state="refused", refusal="No.", format=None)
+    chart = replace(taken(LIGHTS[0]), frame="chart", role="chart")
+    auto = replace(chart, frame="auto", flags=(shared.EXPOSURE_NOT_MANUAL,))
+    refused = replace(chart, frame="no", state="refused", refusal="No.", format=None)
     found = judge([chart, auto, refused, *map(taken, ROWS)], ROWS, READINGS, PARAMS)
     assert [found[name].outcome for name in ("chart", "auto", "no")] == ["pass", "warn", "fail"]
 
 
 def test_a_frame_without_statistics_waits_and_says_what_is_known():
-    waiting = dataclasses.replace(light("middle", 8.0, name="repeat"), statistics=None)
+    waiting = replace(light("middle", 8.0, name="repeat"), statistics=None)
     frames = [*map(taken, ROWS), taken(waiting, state="read")]
     verdict = judge(frames, (*ROWS, waiting), READINGS, PARAMS)["repeat"]
     assert verdict.outcome == "pending"
@@ -413,4 +413,4 @@ def test_a_frame_without_statistics_waits_and_says_what_is_known():
 def test_a_frame_excluded_by_hand_is_still_judged():
     exclude = (Exclusion(frame="odd", reason="moth", by="me"),)
     rows = (*ROWS, odd(20.0))
-    assert verdicts(rows, params=dataclasses.replace(PARAMS, exclude=exclude))["odd"].outcome == "warn"
+    assert verdicts(rows, params=replace(PARAMS, exclude=exclude))["odd"].outcome == "warn"

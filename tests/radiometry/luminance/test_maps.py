@@ -1,7 +1,7 @@
 """A map holds at every pixel what the equation says of it, block by block or whole."""
 
-import dataclasses
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.frames import frame_of
 
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
-GREY = dataclasses.replace(SCALE, channel="grey")
+GREY = replace(SCALE, channel="grey")
 PATTERNS = ("RGGB", "GBRG", "BGGR", "GRBG")
 MIRRORED = {"RGGB": "RGGB", "BGGR": "BGGR", "GBRG": "GRBG", "GRBG": "GBRG"}
 
@@ -138,7 +138,7 @@ def test_twice_the_time_with_the_same_frame_is_half_the_luminance():
 
 
 def test_a_map_needs_a_model_that_is_a_scale():
-    bent = dataclasses.replace(COEFFICIENT, model="power", parameters=(30.0, 1.1))
+    bent = replace(COEFFICIENT, model="power", parameters=(30.0, 1.1))
     with pytest.raises(InputRejected, match="proportional"):
         find_map_scale((bent,), Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0))
 

@@ -1,7 +1,7 @@
 """A frame measured: the budget in its two parts, the flags, and intervals that hold the truth."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,12 +95,12 @@ def test_the_budget_is_the_documented_sum():
 @pytest.mark.parametrize("count", [1, 4])
 def test_a_frame_has_the_scatter_that_its_calibration_measured(count):
     """Budget by hand, and intervals that hold the truth in frames of a shutter that repeats to 2 %."""
-    coefficient = dataclasses.replace(
+    coefficient = replace(
         COEFFICIENT,
         **dict.fromkeys(("exposure_time_u_rel", "f_number_u_rel", "meter_calibration_u_rel"), 0.0),
     )
     steady = measured(make_frame(noisy(1000.0)), coefficient=coefficient).mean
-    coefficient = dataclasses.replace(coefficient, frame_scatter_rel=0.02)
+    coefficient = replace(coefficient, frame_scatter_rel=0.02)
     random, trials, held, sizes = np.random.default_rng(7), 120, [], []
     for seed in range(trials):
         shown = 1000.0 * random.normal(1.0, 0.02, count)
@@ -156,7 +156,7 @@ def test_lamps_of_two_colours_side_by_side_are_named_with_what_they_do_to_a_rati
     grid = Grid(corners=((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0)), rows=1, columns=2)
     for conditions in (known, None):
         asked = {
-            "coefficient": dataclasses.replace(COEFFICIENT, conditions=conditions),
+            "coefficient": replace(COEFFICIENT, conditions=conditions),
             "grid": grid,
             "conditions": FieldConditions(),
         }
@@ -247,7 +247,7 @@ def test_the_interval_of_the_mean_holds_the_truth():
 
 def test_twice_the_time_with_the_same_frame_is_half_the_luminance():
     frame = make_frame(noisy(1000.0))
-    longer = dataclasses.replace(EXPOSURE, exposure_time_s=0.02)
+    longer = replace(EXPOSURE, exposure_time_s=0.02)
     short, long = measured(frame), measured(frame, exposure=longer)
     for name in ("mean", "smallest", "largest", "median"):
         assert getattr(long, name).value == pytest.approx(getattr(short, name).value / 2, rel=1e-12)
@@ -289,7 +289,7 @@ def test_the_procedures_road_comes_back_cell_by_cell():
 
 def test_k_cancels_in_the_uniformity_of_a_frame():
     """A K ten times less certain changes the average's uncertainty and not U_o's."""
-    worse = dataclasses.replace(COEFFICIENT, covariance=((16.0,),))
+    worse = replace(COEFFICIENT, covariance=((16.0,),))
     good, bad = (measured(road_frame(), grid=GRID, coefficient=c).surface for c in (COEFFICIENT, worse))
     assert bad.l_av_cd_m2.standard_uncertainty > 3 * good.l_av_cd_m2.standard_uncertainty
     assert bad.u_o.standard_uncertainty == pytest.approx(good.u_o.standard_uncertainty, rel=1e-9)
@@ -301,7 +301,7 @@ def test_k_cancels_in_the_uniformity_of_a_frame():
 
 def test_other_models_share_their_errors_too():
     """Power: L = (N / K)^(1 / g): an error of K scales every cell alike, one of g does not."""
-    power = dataclasses.replace(
+    power = replace(
         COEFFICIENT,
         model="power",
         parameter_names=("luminance_k", "exponent"),
@@ -309,14 +309,14 @@ def test_other_models_share_their_errors_too():
         covariance=((0.16, 0.0), (0.0, 0.0)),
         dark_signal_standard_uncertainty_dn=0.0,
     )
-    bent = dataclasses.replace(power, covariance=((0.16, 0.0), (0.0, 0.03**2)))
+    bent = replace(power, covariance=((0.16, 0.0), (0.0, 0.03**2)))
     alike, unlike = (measured(road_frame(), grid=GRID, coefficient=c).surface for c in (power, bent))
     assert alike.u_o.standard_uncertainty < unlike.u_o.standard_uncertainty / 2
     assert alike.l_av_cd_m2.standard_uncertainty > 0.02
 
 
 def test_an_iso_that_was_not_calibrated_is_refused_with_those_that_were():
-    other = dataclasses.replace(EXPOSURE, iso=100.0)
+    other = replace(EXPOSURE, iso=100.0)
     with pytest.raises(InputRejected, match="ISO 100; this calibration holds ISO 3200") as refused:
         measured(make_frame(noisy(1000.0)), exposure=other)
     assert refused.value.code == "iso_not_calibrated"
@@ -331,8 +331,8 @@ def test_what_every_measurement_from_the_air_must_say():
 @pytest.mark.parametrize(
     ("signal", "change", "expected"),
     [
-        (1000.0, {"exposure": dataclasses.replace(EXPOSURE, exposure_time_s=0.04)}, "outside_exposure_times"),
-        (1000.0, {"exposure": dataclasses.replace(EXPOSURE, f_number=11.0)}, "outside_f_numbers"),
+        (1000.0, {"exposure": replace(EXPOSURE, exposure_time_s=0.04)}, "outside_exposure_times"),
+        (1000.0, {"exposure": replace(EXPOSURE, f_number=11.0)}, "outside_f_numbers"),
         (50.0, {}, "outside_signals"),
         (3900.0, {}, "saturated"),
         (0.3, {}, "below_detection"),

@@ -1,6 +1,6 @@
 """Exposure series of known sensors, and how a found figure is compared with the truth."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,13 +63,13 @@ def repack(row, change):
     """The same frame with its block changed."""
     (block,) = row.features.blocks
     changed = change(unpack(block.samples_dn), block)
-    return dataclasses.replace(row, features=Features(blocks=(changed,)))
+    return replace(row, features=Features(blocks=(changed,)))
 
 
 def brightened(rows, by_dn, wanted):
     """The frames, with so much more light on those that are wanted."""
 
     def change(samples, block):
-        return dataclasses.replace(block, samples_dn=pack(samples + by_dn, dtype="<u2"))
+        return replace(block, samples_dn=pack(samples + by_dn, dtype="<u2"))
 
     return [repack(row, change) if wanted(row) else row for row in rows]

@@ -1,7 +1,7 @@
 """The fit of noise: known sensors are recovered within what the fit says of itself."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -138,11 +138,7 @@ def test_transposed_frames_have_the_same_noise():
 
     def fit(turn):
         rows = [
-            make_row(
-                dataclasses.replace(
-                    one, frame=dataclasses.replace(one.frame, samples_dn=turn(one.frame.samples_dn))
-                )
-            )
+            make_row(replace(one, frame=replace(one.frame, samples_dn=turn(one.frame.samples_dn))))
             for one in taken
         ]
         return list_coefficients(noise.fit(rows, PARAMS))

@@ -1,6 +1,6 @@
 """Which frames count, what is missing, and what would make the fit good."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,9 +18,7 @@ def dim(rows, name, factor):
     """The same campaign with the light of one frame changed."""
 
     def scale(samples, block):
-        return dataclasses.replace(
-            block, samples_dn=pack(np.rint((samples - 256) * factor + 256), dtype="<u2")
-        )
+        return replace(block, samples_dn=pack(np.rint((samples - 256) * factor + 256), dtype="<u2"))
 
     return [repack(row, scale) if row.frame == name else row for row in rows]
 
@@ -66,7 +64,7 @@ def test_what_is_missing_is_named_and_keeps_the_fit_from_starting(keep, message)
 
 
 def test_what_waits_is_named():
-    rows = [dataclasses.replace(row, features=None) for row in take(SMALL, 18)[:1]]
+    rows = [replace(row, features=None) for row in take(SMALL, 18)[:1]]
     assert noise.missing(rows, PARAMS, unread=("x",)) == (
         "not read yet: frame x",
         "not extracted yet: frame flat-100-0.02-0",

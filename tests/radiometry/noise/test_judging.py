@@ -1,6 +1,6 @@
 """What a field team is told of each frame of a noise campaign."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,15 +41,15 @@ def test_a_frame_alone_is_told_to_be_taken_again(rows):
 
 
 def test_a_copy_fails(rows):
-    copy = dataclasses.replace(rows[0], frame="zz")
+    copy = replace(rows[0], frame="zz")
     assert verdicts([*rows, copy])["zz"] == ("fail", ["redundant"])
 
 
 def brighten(row, factor):
     (block,) = row.features.blocks
     samples = np.rint((unpack(block.samples_dn) - 256) * factor + 256)
-    changed = dataclasses.replace(block, samples_dn=pack(samples, dtype="<u2"))
-    return dataclasses.replace(row, features=Features(blocks=(changed,)))
+    changed = replace(block, samples_dn=pack(samples, dtype="<u2"))
+    return replace(row, features=Features(blocks=(changed,)))
 
 
 @pytest.mark.parametrize(("factor", "outcome"), [(1.005, "pass"), (1.05, "warn"), (1.3, "fail")])
@@ -61,7 +61,5 @@ def test_light_that_drifts_between_frames_is_told(rows, factor, outcome):
 
 
 def test_a_dark_frame_that_saw_light_fails(rows):
-    lit = [
-        dataclasses.replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows
-    ]
+    lit = [replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows]
     assert verdicts(lit)["flat-100-0.3-0"] == ("fail", ["dark_not_dark"])

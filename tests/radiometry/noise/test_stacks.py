@@ -1,6 +1,6 @@
 """Stacks: means and variances by hand, what drift and copies do, and predicted errors."""
 
-import dataclasses
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -22,11 +22,11 @@ def row(samples, name, *, role="flat", time_s=1.0, **changes):
         name=name,
         role=role,
         header=SENSOR.describe(settings),
-        exposure=Exposure(**dataclasses.asdict(settings)),
+        exposure=Exposure(**asdict(settings)),
         frame=picture,
     )
     made = make_row(taken)
-    return dataclasses.replace(made, **changes)
+    return replace(made, **changes)
 
 
 def noisy(rng, *, mean=1000.0, std=20.0, pattern=0.0, shape=(32, 32)):
@@ -108,7 +108,7 @@ def test_frames_of_one_setting_share_a_stack_and_no_others():
     rng = np.random.default_rng(6)
 
     def exposure(**changes):
-        return dataclasses.replace(Exposure(exposure_time_s=1.0, f_number=4.0, iso=100.0), **changes)
+        return replace(Exposure(exposure_time_s=1.0, f_number=4.0, iso=100.0), **changes)
 
     def make(name, role, scene=None, **changes):
         return row(noisy(rng), name, role=role, scene=scene, exposure=exposure(**changes))

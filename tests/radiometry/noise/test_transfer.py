@@ -1,7 +1,7 @@
 """Photon transfer: gain, read noise and saturation, and how well they are known."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,10 +68,7 @@ def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
 
     def fit(shift_dn2):
         moved = [
-            dataclasses.replace(
-                stack,
-                temporal=dataclasses.replace(stack.temporal, value_dn2=stack.temporal.value_dn2 + shift_dn2),
-            )
+            replace(stack, temporal=replace(stack.temporal, value_dn2=stack.temporal.value_dn2 + shift_dn2))
             if stack.setting.role == "dark" and stack.setting.exposure_time_s == 0.002
             else stack
             for stack in stacks
@@ -91,7 +88,7 @@ def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
 
 def shift_left(samples, block):
     """Numbers of a sensor of fewer bits as a larger container holds them: in steps of sixteen."""
-    return dataclasses.replace(
+    return replace(
         block,
         samples_dn=pack(16 * samples, dtype="<u2"),
         black_level_dn=16 * block.black_level_dn,
@@ -206,7 +203,7 @@ def test_the_softness_of_a_full_well_lowers_its_maximum(end, softness_dn):
 
     def saturate(samples, block):
         changed = np.rint(block.black_level_dn + end(samples - block.black_level_dn, softness_dn))
-        return dataclasses.replace(block, samples_dn=pack(changed, dtype="<u2"))
+        return replace(block, samples_dn=pack(changed, dtype="<u2"))
 
     sensor = change(SMALL, gain_dn_per_e=0.5)
     rows = take(sensor, 7, times=tuple(0.1 * n for n in range(1, 11)))
@@ -239,9 +236,7 @@ def test_light_that_brings_no_noise_has_no_gain():
     def smooth(one):
         level = 1e4 * one.exposure.exposure_time_s if one.role == "flat" else 0.0
         samples = 256 + level + (2 if level else 9) * rng.standard_normal((32, 32))
-        return dataclasses.replace(
-            one, frame=dataclasses.replace(one.frame, samples_dn=samples.astype(np.uint16))
-        )
+        return replace(one, frame=replace(one.frame, samples_dn=samples.astype(np.uint16)))
 
     taken = shoot(SMALL, 19, times=(0.2, 0.3, 0.4, 0.5), dark_times=(0.1,))
     rows = [make_row(smooth(one)) for one in taken]
@@ -348,7 +343,7 @@ def test_a_target_in_all_lit_frames_of_a_noise_campaign_is_no_prnu():
     def draw(samples, block):
         chart = np.where(np.indices(samples.shape).sum(axis=0) // 4 % 2, 1.0, 0.7)
         drawn = np.rint((unpack(block.samples_dn) - 256) * chart + 256)
-        return dataclasses.replace(block, samples_dn=pack(drawn, dtype="<u2"))
+        return replace(block, samples_dn=pack(drawn, dtype="<u2"))
 
     rows = take(SMALL, 3)
     shown = [row if row.role == "dark" else repack(row, draw) for row in rows]

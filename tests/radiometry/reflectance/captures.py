@@ -1,6 +1,6 @@
 """Panel and flight captures of a simulated Sequoia, cut to small frames, as rows of a campaign."""
 
-import dataclasses
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -111,17 +111,12 @@ def k_of(fit, band="green"):
 
 def change_band(rows, **changes):
     return [
-        dataclasses.replace(
-            each,
-            header=dataclasses.replace(
-                each.header, multispectral=dataclasses.replace(each.header.multispectral, **changes)
-            ),
+        replace(
+            each, header=replace(each.header, multispectral=replace(each.header.multispectral, **changes))
         )
         for each in rows
     ]
 
 
 def change_features(rows, **changes):
-    return [
-        dataclasses.replace(each, features=dataclasses.replace(each.features, **changes)) for each in rows
-    ]
+    return [replace(each, features=replace(each.features, **changes)) for each in rows]

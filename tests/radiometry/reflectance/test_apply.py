@@ -1,7 +1,7 @@
 """Reflectance of new frames: regions and maps, with their uncertainty, and what is refused."""
 
-import dataclasses
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -84,7 +84,7 @@ def test_the_stated_uncertainty_is_the_error_s():
         rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
         exact_level = TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
         params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level, "drift_half_hour_rel": 0.0}
-        exact = [dataclasses.replace(each, standard_uncertainty=0.0) for each in READINGS]
+        exact = [replace(each, standard_uncertainty=0.0) for each in READINGS]
         fit = reflectance.fit(rows, exact, reflectance.Params(**params))
         (each,) = field(2 * seed + 1, {"red_edge": 0.25})
         found = measure(each, [fit.band_fits[0].coefficient])
@@ -119,8 +119,8 @@ def test_a_frame_s_single_reading_is_as_unsure_as_the_panel_s():
     assert found.doubt.single == pytest.approx(2 * (0.025 * found.reflectance.value) ** 2, rel=0.01)
     assert more.doubt.single == pytest.approx((0.025 * more.reflectance.value) ** 2, rel=0.01)
     # a version of before: all that its visits have of their own may be single readings
-    older = dataclasses.replace(k.knots[0], single_u_rel=None, own_doubt=None)
-    told = measure(alone, [dataclasses.replace(k, knots=(older,), reading_dof=None, drift_dof=None)])
+    older = replace(k.knots[0], single_u_rel=None, own_doubt=None)
+    told = measure(alone, [replace(k, knots=(older,), reading_dof=None, drift_dof=None)])
     factors = [each.doubt.expand(each.reflectance.standard_uncertainty**2)[0] for each in (told, found, more)]
     assert 3.0 < factors[2] < factors[1] <= factors[0] < 4.3
 
@@ -143,7 +143,7 @@ def saturate(rows):
     """Ten readings at index 2, where CH0 has stopped and CH1 counts a fifth of it."""
     (found,) = {row.header.multispectral.counts.gains for row in rows}
     record = rows[0].header.multispectral.counts.records[0]
-    bright = dataclasses.replace(record, gain_index=2, ch0=65535, ch1=round(12.1 * 430 / 5))
+    bright = replace(record, gain_index=2, ch0=65535, ch1=round(12.1 * 430 / 5))
     counts = SunshineCounts(record_bytes=28, cut_short=False, records=(bright,) * 10, gains=found)
     return change_band(rows, counts=counts)
 
@@ -173,8 +173,8 @@ def test_the_cosine_of_a_sloping_surface_is_divided_out():
 
 
 def change_header(each, band=None, **changes):
-    told = dataclasses.replace(each.header.multispectral, **(band or {}))
-    return dataclasses.replace(each, header=dataclasses.replace(each.header, multispectral=told, **changes))
+    told = replace(each.header.multispectral, **(band or {}))
+    return replace(each, header=replace(each.header, multispectral=told, **changes))
 
 
 REFUSED = {
@@ -200,7 +200,7 @@ def test_panel_only_asks_for_no_sunshine_sensor():
 
 
 def test_a_file_of_another_kind_is_refused():
-    each = dataclasses.replace(field()[0], header=make_header(None))
+    each = replace(field()[0], header=make_header(None))
     with pytest.raises(InputRejected) as refusal:
         measure(each)
     assert refusal.value.code == "sensor_model_unusable"
@@ -215,7 +215,7 @@ def test_serials_are_compared_without_regard_to_case_and_flagged_when_absent():
 
 def test_another_sensor_model_is_flagged():
     (each, *_) = field()
-    model = dataclasses.replace(each.header.multispectral.sensor_model, a=3.1e8)
+    model = replace(each.header.multispectral.sensor_model, a=3.1e8)
     assert flags_of(measure(change_header(each, {"sensor_model": model})).flags) == {"sensor_model_differs"}
 
 
@@ -226,8 +226,8 @@ def test_a_frame_after_the_last_panel_capture_is_flagged():
 
 
 def test_k_follows_the_time_when_asked_to():
-    drifted = {**BANDS, "green": dataclasses.replace(BANDS["green"], reflectance_k=1430.0)}
-    later = dataclasses.replace(CAMERA, bands=drifted)
+    drifted = {**BANDS, "green": replace(BANDS["green"], reflectance_k=1430.0)}
+    later = replace(CAMERA, bands=drifted)
     rows = [*take(seeded(), PANEL_R), *take(seeded(2), PANEL_R, minutes=20.0, camera=later)]
     linear = calibrate(rows, interpolation="linear")
     ks = [measure(field(minutes=minutes)[0], linear).reflectance_k for minutes in (0.1, 10.0, 19.9)]
@@ -243,7 +243,7 @@ def test_saturated_dark_and_impossible_regions_are_flagged():
     found = measure(dark)
     assert {"below_detection"} <= flags_of(found.flags)
     assert abs(found.reflectance.value) < 4 * found.reflectance.standard_uncertainty
-    below = dataclasses.replace(dark, features=dataclasses.replace(dark.features, i_sq=-0.01))
+    below = replace(dark, features=replace(dark.features, i_sq=-0.01))
     assert measure(below).reflectance.value < 0
     assert {"reflectance_out_of_range", "below_detection"} <= flags_of(measure(below).flags)
 
@@ -292,14 +292,14 @@ def test_nothing_is_clipped_and_what_is_saturated_is_unknown():
     shot = expose(surface)
     samples = shot.frame.samples_dn.copy()
     samples[0, :7] = 65472
-    _, found = map_of(shot, dataclasses.replace(shot.frame, samples_dn=samples))
+    _, found = map_of(shot, replace(shot.frame, samples_dn=samples))
     assert np.isnan(found[0, :7]).all()
     assert np.count_nonzero(found < 0) > 1000  # half of the black half's noise
 
 
 @given(st.integers(0, 100), st.integers(0, 140), st.integers(1, 20), st.integers(1, 20))
 def test_blocks_make_the_whole_to_the_last_bit(row0, col0, height, width):
-    part = dataclasses.replace(
+    part = replace(
         BLOCK_SHOT.frame,
         samples_dn=BLOCK_SHOT.frame.samples_dn[row0 : row0 + height, col0 : col0 + width],
         row0=row0,
@@ -422,7 +422,7 @@ def test_units_of_a_radiance_camera():
 
 
 def radiance_row(**band):
-    features = dataclasses.replace(
+    features = replace(
         panel()[0].features, band="blue", i_sq=0.17028382, i_sq_unit="W/(m2*sr*nm)", gradient_rel=0.0
     )
     model = RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6)
@@ -454,7 +454,7 @@ def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
     records = tuple(
         make_record(time_us=200_000 * n, ch0=430, yaw_deg=0.0, pitch_deg=10.0, roll_deg=0.0) for n in range(5)
     )
-    counts = dataclasses.replace(tilted[0].header.multispectral.counts, records=records)
+    counts = replace(tilted[0].header.multispectral.counts, records=records)
     rows = change_band(tilted, counts=counts)
     oriented = reflectance.Params(sunshine_surface="oriented")
     plain = k_of(reflectance.fit(rows, READINGS, oriented)).coefficient
@@ -462,10 +462,7 @@ def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
     # nose up and to the north, so leaning back towards a sun in the south at 62 degrees: it saw too much
     assert 0.85 < corrected.reflectance_k / plain.reflectance_k < 0.97
     assert (corrected.tilt, plain.tilt) == (TiltParams(), None)
-    night = [
-        dataclasses.replace(each, header=dataclasses.replace(each.header, taken_at="2018-06-13T23:00:00"))
-        for each in rows
-    ]
+    night = [replace(each, header=replace(each.header, taken_at="2018-06-13T23:00:00")) for each in rows]
     found = reflectance.fit(night, READINGS, PARAMS)
     assert k_of(found).coefficient.reflectance_k == plain.reflectance_k
     assert {"tilt_not_correctable", "sunshine_tilted"} <= flags_of(found.flags)
@@ -489,12 +486,12 @@ def test_the_simulated_camera_s_time_is_its_captures():
 def test_k_in_absolute_units_is_near_pi(k, flagged):
     """A wrong panel, 0.244 for 0.53, and one in the shadow of whoever holds it."""
     fit = k_of(reflectance.fit(panel(), READINGS, PARAMS))
-    absolute = dataclasses.replace(fit.coefficient, reflectance_k=k, reflectance_k_unit="sr")
+    absolute = replace(fit.coefficient, reflectance_k=k, reflectance_k_unit="sr")
     used = [
         SimpleNamespace(
             features=SimpleNamespace(gradient_rel=0.0),
             panel=SimpleNamespace(from_file=False, age_days=0.0, states_uncertainty=True),
         )
     ]
-    found = check_fit(dataclasses.replace(fit, coefficient=absolute), used)
+    found = check_fit(replace(fit, coefficient=absolute), used)
     assert ("implausible_reflectance_k" in flags_of(found)) is flagged

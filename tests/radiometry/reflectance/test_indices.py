@@ -1,6 +1,6 @@
 """Vegetation indices: their formula, one capture only, and bands brought onto one another."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ PERSPECTIVE = RigGeometry(
 
 
 def turn(lens, omega=0.0, phi=0.0, kappa=0.0):
-    return dataclasses.replace(lens, rotation_deg=(omega, phi, kappa))
+    return replace(lens, rotation_deg=(omega, phi, kappa))
 
 
 def capture(surface, rotate=None):
@@ -54,8 +54,8 @@ def _turned(header, rotate):
     if rotate is None:
         return header
     band = header.multispectral
-    lens = dataclasses.replace(band.geometry, rotation_deg=rotate)
-    return dataclasses.replace(header, multispectral=dataclasses.replace(band, geometry=lens))
+    lens = replace(band.geometry, rotation_deg=rotate)
+    return replace(header, multispectral=replace(band, geometry=lens))
 
 
 SURFACE = {"green": 0.08, "red": 0.05, "red_edge": 0.25, "nir": 0.45}
@@ -90,7 +90,7 @@ def test_an_index_does_not_exist_where_there_is_no_light_or_no_number():
     nir[10, 10] = np.nan
     nir[20, 20] = 0.3
     nir[30, 30] = -0.3
-    bands["nir"] = dataclasses.replace(bands["nir"], reflectance=nir)
+    bands["nir"] = replace(bands["nir"], reflectance=nir)
     found = compute("ndvi", bands)
     assert np.argwhere(np.isfinite(found.values)).tolist() == [[20, 20]]
     assert found.undefined == 60 * 80 - 1
@@ -98,11 +98,9 @@ def test_an_index_does_not_exist_where_there_is_no_light_or_no_number():
 
 def change(bands, name, band=None, plane=None, **header):
     told = bands[name]
-    changed = dataclasses.replace(
-        told.header, multispectral=dataclasses.replace(told.header.multispectral, **(band or {})), **header
-    )
+    changed = replace(told.header, multispectral=replace(told.header.multispectral, **(band or {})), **header)
     surface = told.reflectance if plane is None else plane
-    return {**bands, name: dataclasses.replace(told, header=changed, reflectance=surface)}
+    return {**bands, name: replace(told, header=changed, reflectance=surface)}
 
 
 @pytest.mark.parametrize(
@@ -112,18 +110,12 @@ def change(bands, name, band=None, plane=None, **header):
         ({"serial": "another"}, "not bands of one capture"),
         ({"plane": np.zeros((30, 40), np.float32)}, "not bands of one capture"),
         ({"band": {"geometry": None}}, "RigRelatives"),
-        ({"band": {"geometry": dataclasses.replace(FISHEYE, rotation_deg=None)}}, "RigRelatives"),
-        ({"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_affine=())}}, "RigRelatives"),
-        (
-            {"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_affine=(1.0, 1.0, 1.0, 1.0))}},
-            "RigRelatives",
-        ),
-        (
-            {"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_polynomial=(0.0, 1.0, -5.0))}},
-            "RigRelatives",
-        ),
-        ({"band": {"geometry": dataclasses.replace(PERSPECTIVE, focal_length_px=None)}}, "RigRelatives"),
-        ({"band": {"geometry": dataclasses.replace(PERSPECTIVE, distortion=(0.1,))}}, "RigRelatives"),
+        ({"band": {"geometry": replace(FISHEYE, rotation_deg=None)}}, "RigRelatives"),
+        ({"band": {"geometry": replace(FISHEYE, fisheye_affine=())}}, "RigRelatives"),
+        ({"band": {"geometry": replace(FISHEYE, fisheye_affine=(1.0, 1.0, 1.0, 1.0))}}, "RigRelatives"),
+        ({"band": {"geometry": replace(FISHEYE, fisheye_polynomial=(0.0, 1.0, -5.0))}}, "RigRelatives"),
+        ({"band": {"geometry": replace(PERSPECTIVE, focal_length_px=None)}}, "RigRelatives"),
+        ({"band": {"geometry": replace(PERSPECTIVE, distortion=(0.1,))}}, "RigRelatives"),
     ],
 )
 def test_bands_that_cannot_be_aligned_are_refused(changes, match):
@@ -235,7 +227,7 @@ def test_turning_about_x_moves_the_image_along_y():
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
 def test_equal_bands_stay_as_they_are(omega, phi, kappa):
-    lens = turn(dataclasses.replace(FISHEYE, principal_point_px=(40.0, 30.0)), omega, phi, kappa)
+    lens = turn(replace(FISHEYE, principal_point_px=(40.0, 30.0)), omega, phi, kappa)
     plane = seeded(4).random((60, 80)).astype(np.float32)
     found = align(plane, of=lens, onto=lens)
     np.testing.assert_allclose(found[1:-1, 1:-1], plane[1:-1, 1:-1], atol=2e-3)
@@ -259,7 +251,7 @@ def test_where_the_other_band_did_not_look_there_is_nothing():
 )
 def test_a_lens_that_cannot_be_sees_nothing(wild, which):
     """Positions that are no numbers must not reach the resampling: it would read beside the memory."""
-    lenses = {"of": PERSPECTIVE, "onto": PERSPECTIVE} | {which: dataclasses.replace(PERSPECTIVE, **wild)}
+    lenses = {"of": PERSPECTIVE, "onto": PERSPECTIVE} | {which: replace(PERSPECTIVE, **wild)}
     found = align(np.ones((60, 80), np.float32), **lenses)
     assert np.isnan(found).mean() > 0.99
 
@@ -271,7 +263,7 @@ def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
     )
     maps = {
         name: reflectance_indices.BandMap(
-            header=make_header(dataclasses.replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)
+            header=make_header(replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)
         )
         for name in ("nir", "red")
     }

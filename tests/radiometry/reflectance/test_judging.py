@@ -1,6 +1,6 @@
 """What a field team is told of each frame of a reflectance campaign, and what would make its fit good."""
 
-import dataclasses
+from dataclasses import replace
 
 import pytest
 
@@ -24,7 +24,7 @@ def verdicts(rows, readings=READINGS, params=PARAMS):
 
 def saturate(rows, share):
     (statistics,) = {each.features.statistics for each in rows}
-    return change_features(rows, statistics=dataclasses.replace(statistics, saturated_share=share))
+    return change_features(rows, statistics=replace(statistics, saturated_share=share))
 
 
 def test_a_good_capture_passes_as_a_whole():
@@ -65,8 +65,8 @@ def test_sunshine_that_cannot_be_used_is_said_of_every_frame_that_needs_it():
 def test_frame_read_in_channel_1_alone_is_flagged_and_does_not_pass():
     """All ten readings of channel 0 stopped at 65535."""
     (row,) = take(seeded(2), PANEL_R, role="field", minutes=5.0)[:1]
-    band = dataclasses.replace(BRIGHT, band=row.header.multispectral.band)
-    row = dataclasses.replace(row, header=dataclasses.replace(row.header, multispectral=band))
+    band = replace(BRIGHT, band=row.header.multispectral.band)
+    row = replace(row, header=replace(row.header, multispectral=band))
     assert [raised.flag for raised in review_frame(row.header, exposure=None)] == ["sunshine_second_channel"]
     assert verdicts([row]) == {row.frame: ("warn", ["sunshine_second_channel"])}
 
@@ -76,7 +76,7 @@ def test_what_would_make_the_fit_good():
     assert reflectance_findings.plan(panel(), READINGS, PARAMS) == (once,)
     twice = [*panel(), *panel(2, minutes=20.0)]
     assert reflectance_findings.plan(twice, READINGS, PARAMS) == ()
-    certain = [dataclasses.replace(reading, standard_uncertainty=None) for reading in READINGS]
+    certain = [replace(reading, standard_uncertainty=None) for reading in READINGS]
     assert reflectance_findings.plan(twice, certain, PARAMS) == (
         "the panel states no uncertainty: register it with that of its certificate",
     )

@@ -1,7 +1,7 @@
 """The light on a level surface: on by default, in the budget, and right as often as it says."""
 
-import dataclasses
 import math
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -86,7 +86,7 @@ def test_light_that_the_file_divides_takes_the_place_of_the_assumed_fraction():
         light = SunshineIrradiance(
             irradiance_w_m2_nm=1.0, quantity="spectral", unit_origin="tag", **LEANING, **stated
         )
-        band = dataclasses.replace(make_band(), counts=None, irradiance=light)
+        band = replace(make_band(), counts=None, irradiance=light)
         return measure_light(make_header(band), params=TiltParams())
 
     sun = {"solar_elevation_deg": 45.0, "solar_azimuth_deg": 0.0}
@@ -107,7 +107,7 @@ def test_light_that_the_file_divides_takes_the_place_of_the_assumed_fraction():
 )
 def test_the_answer_names_the_surface_of_its_irradiance(stated, basis, ratio):
     light = SunshineIrradiance(irradiance_w_m2_nm=1.0, unit_origin="tag", **LEANING, **stated)
-    header = make_header(dataclasses.replace(make_band(), counts=None, irradiance=light), **PLACE)
+    header = make_header(replace(make_band(), counts=None, irradiance=light), **PLACE)
     found = measure_light(header, params=TiltParams())
     assert found.basis == basis
     assert ratio is None or (found.i_ss, found.oriented) == (1.0, ratio)
@@ -121,7 +121,7 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
     place = {name: PLACE[name] for name in ("latitude_deg", "longitude_deg")}
     panel, field = (
         [
-            dataclasses.replace(each, header=dataclasses.replace(each.header, **place))
+            replace(each, header=replace(each.header, **place))
             for each in take(
                 seeded(seed), {"green": PANEL_R["green"]}, i_ss=light, role=role, minutes=minutes
             )
@@ -130,11 +130,9 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
     )
     (leaning,) = change_band(
         field,
-        counts=dataclasses.replace(
+        counts=replace(
             field[0].header.multispectral.counts,
-            records=tuple(
-                dataclasses.replace(each, **LEANING) for each in field[0].header.multispectral.counts.records
-            ),
+            records=tuple(replace(each, **LEANING) for each in field[0].header.multispectral.counts.records),
         ),
     )
     coefficients = [each.coefficient for each in reflectance.fit(panel, READINGS, STEADY).band_fits]
@@ -151,8 +149,8 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
 
 def test_a_panel_under_a_low_sun_is_less_certain():
     """Sun 50 degrees from the zenith, 2 degrees off level: 4.2 %, not 0.06 %."""
-    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
-    row = dataclasses.replace(ROW, header=header)
+    header = replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    row = replace(ROW, header=header)
     fit = k_of(reflectance.fit([row], READINGS, reflectance.Params()))
     assert budget_of(fit)["panel angle"] == pytest.approx(0.042, abs=0.001)
 
@@ -175,19 +173,19 @@ def test_a_measurement_takes_the_angle_of_the_fit_and_flags_another():
 
 
 def test_a_clock_that_was_never_set_is_flagged_when_the_file_is_read():
-    unset = dataclasses.replace(ROW.header, taken_at="1970-01-01T00:01:00")
+    unset = replace(ROW.header, taken_at="1970-01-01T00:01:00")
     assert "clock_not_set" in flags_of(findings.check_frame(unset))
     assert "clock_not_set" not in flags_of(findings.check_frame(ROW.header))
 
 
 def test_the_local_time_of_a_dji_camera_locates_the_sun_by_each_zone_that_may_be():
-    told = dataclasses.replace(ROW.header.multispectral, system="dji")
+    told = replace(ROW.header.multispectral, system="dji")
     assert len(locate_suns_of(ROW.header)) == 1
-    local = dataclasses.replace(ROW.header, multispectral=told, taken_at="2024-06-13T11:00:00")
+    local = replace(ROW.header, multispectral=told, taken_at="2024-06-13T11:00:00")
     by_zone = locate_suns_of(local)
     assert len(by_zone) > 1
-    in_file = dataclasses.replace(local, taken_at="2024-06-13T11:00:00+02:00")
-    stated = dataclasses.replace(local, clock_offset="+02:00")
+    in_file = replace(local, taken_at="2024-06-13T11:00:00+02:00")
+    stated = replace(local, clock_offset="+02:00")
     assert find_tilt(stated, TiltParams()) == find_tilt(in_file, TiltParams())
     assert find_tilt(stated, TiltParams()).sun in by_zone
     # K of a flight is interpolated on the camera's own clock, whatever is stated after the fit
@@ -199,9 +197,9 @@ def test_two_captures_that_lean_alike_share_the_error_of_an_unknown_zone():
     header = reader.read_header(data_file("p4m/DJI_0014.TIF"))
     told, effects = header.multispectral, []
     for pitch_deg, yaw_deg in ((6.0, 89.9), (6.7, 90.0), (6.7, -90.0)):
-        light = dataclasses.replace(told.irradiance, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
-        band = dataclasses.replace(told, irradiance=light)
-        found = measure_light(dataclasses.replace(header, multispectral=band), params=TiltParams())
+        light = replace(told.irradiance, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+        band = replace(told, irradiance=light)
+        found = measure_light(replace(header, multispectral=band), params=TiltParams())
         assert (found.basis, "zone_unknown" in flags_of(found.flags)) == ("levelled", True)
         effects.append(np.array(found.level_effects))
     panel, alike, opposite = effects
@@ -213,8 +211,8 @@ def test_two_captures_that_lean_alike_share_the_error_of_an_unknown_zone():
 def test_a_reading_that_repeats_while_the_aircraft_leans_is_an_earlier_one():
     """A real P4: its next capture leans 18 degrees further, and states the irradiance of the one before."""
     headers = [reader.read_header(data_file(f"p4m/DJI_00{number}.TIF")) for number in (14, 24)]
-    features = dataclasses.replace(ROW.features, band="red_edge", gradient_rel=0.0)
-    panel, leans = (dataclasses.replace(ROW, frame=h.taken_at, header=h, features=features) for h in headers)
+    features = replace(ROW.features, band="red_edge", gradient_rel=0.0)
+    panel, leans = (replace(ROW, frame=h.taken_at, header=h, features=features) for h in headers)
     readings = [reflectance.Reading(panel="P", band="red_edge", reflectance=0.5, standard_uncertainty=0.005)]
     assert "sunshine_stale" not in flags_of(reflectance.fit([panel], readings, reflectance.Params()).flags)
     fitted = reflectance.fit([panel, leans], readings, reflectance.Params())
@@ -235,12 +233,12 @@ def test_a_reading_that_repeats_while_the_aircraft_leans_is_an_earlier_one():
 def test_light_is_a_repetition_only_where_chance_does_not_explain_it(turned_deg, change_rel, is_earlier):
     told = reader.read_header(data_file("p4m/DJI_0014.TIF")).multispectral
     earlier = see_light(told)
-    light = dataclasses.replace(
+    light = replace(
         told.irradiance,
         relative_irradiance=earlier.value * (1 + change_rel),
         pitch_deg=earlier.pitch_deg + turned_deg,
     )
-    now = dataclasses.replace(told, irradiance=light)
+    now = replace(told, irradiance=light)
     assert bool(find_repeated(now, [earlier])) == is_earlier
 
 
@@ -254,8 +252,8 @@ def read_once(pitch_deg, value=1.0, **band):
         pitch_deg=pitch_deg,
         roll_deg=0.0,
     )
-    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
-    row = dataclasses.replace(ROW, header=header, frame=f"panel-{pitch_deg:g}")
+    header = replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    row = replace(ROW, header=header, frame=f"panel-{pitch_deg:g}")
     return change_band([row], counts=None, irradiance=light, **band)[0]
 
 
@@ -265,9 +263,7 @@ def test_what_attitudes_explain_of_captures_that_lean_otherwise_is_no_noise_of_r
     alone = [k_of(reflectance.fit([row], READINGS, STEADY)).coefficient.knots[0] for row in rows]
     a, b = alone
     brighter = rows[1].features.i_sq * b.reflectance_k / a.reflectance_k * math.exp(0.12)
-    rows[1] = dataclasses.replace(
-        rows[1], features=dataclasses.replace(rows[1].features, i_sq=brighter, gradient_rel=0.0)
-    )
+    rows[1] = replace(rows[1], features=replace(rows[1].features, i_sq=brighter, gradient_rel=0.0))
     found = k_of(reflectance.fit(rows, READINGS, STEADY)).coefficient
     (knot,) = found.knots
     effects = np.array([each.level_effects for each in alone])
@@ -282,8 +278,8 @@ def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
     """Panel and flight lean alike: blue light is levelled alike, as it was then and as it is now."""
     row = read_once(10.0, wavelength_nm=475.0)
     found = k_of(reflectance.fit([row], READINGS, reflectance.Params())).coefficient
-    knots = [dataclasses.replace(knot, level_effects=None, level_u_rel=None) for knot in found.knots]
-    older = dataclasses.replace(found, knots=tuple(knots))
+    knots = [replace(knot, level_effects=None, level_u_rel=None) for knot in found.knots]
+    older = replace(found, knots=tuple(knots))
     (white,) = change_band([row], wavelength_nm=None)
     seen = [
         reflectance.apply_features(ROW.features, header=each.header, coefficients=[by]).i_ss
@@ -305,7 +301,7 @@ def _enter(angle):
 def simulate(zenith_deg, noise_rel, *, readings, seed, count):
     """Return by how many expanded uncertainties K errs, of panels and sensors that nobody levelled."""
     random = seeded(seed)
-    header = dataclasses.replace(ROW.header, latitude_deg=zenith_deg, **EQUINOX)
+    header = replace(ROW.header, latitude_deg=zenith_deg, **EQUINOX)
     (sun,) = locate_suns_of(header)
     up, azimuth = math.radians(sun.elevation_deg), math.radians(sun.azimuth_deg)
     towards = [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
@@ -322,15 +318,15 @@ def simulate(zenith_deg, noise_rel, *, readings, seed, count):
         true_r = PANEL_R["green"] + 0.002 * random.standard_normal()
         if readings > 1:
             records = tuple(make_record(time_us=n, ch0=round(v), **attitude) for n, v in enumerate(values))
-            counts = dataclasses.replace(make_band(gains=TABLE).counts, records=records)
+            counts = replace(make_band(gains=TABLE).counts, records=records)
             light, h = {"counts": counts}, 430_000.0
         else:
             stated_light = SunshineIrradiance(
                 irradiance_w_m2_nm=values[0], quantity="spectral", unit_origin="tag", **attitude
             )
             light, h = {"counts": None, "irradiance": stated_light}, 43_000.0
-        features = dataclasses.replace(ROW.features, i_sq=true_r * h * panel / 1300.0, gradient_rel=0.0)
-        row = dataclasses.replace(ROW, header=header, features=features)
+        features = replace(ROW.features, i_sq=true_r * h * panel / 1300.0, gradient_rel=0.0)
+        row = replace(ROW, header=header, features=features)
         found = k_of(reflectance.fit(change_band([row], **light), READINGS, STEADY)).coefficient
         errors.append((found.reflectance_k - 1300.0) / found.expanded_uncertainty)
     return np.array(errors)
@@ -350,10 +346,10 @@ def test_k_lies_within_its_uncertainty_as_often_as_stated(zenith_deg):
 
 
 def test_a_panel_levelled_by_a_bubble_costs_less_than_by_eye():
-    header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    header = replace(ROW.header, latitude_deg=50.0, **EQUINOX)
     costs = []
     for level in ("eye", "measured"):
-        rows = [dataclasses.replace(ROW, header=header)]
+        rows = [replace(ROW, header=header)]
         fit = k_of(reflectance.fit(rows, READINGS, reflectance.Params(panel_level=level)))
         costs += [each.u_rel for each in fit.budget if each.source == "panel angle"]
     assert costs == pytest.approx([0.0416, 0.0062], rel=0.03)
@@ -482,7 +478,7 @@ def test_the_sun_over_a_frame():
     assert find_tilt(HEADER, None) is None
     tilt = find_tilt(HEADER, PARAMS)
     assert tilt.sun.elevation_deg == pytest.approx(62, abs=1)
-    later = dataclasses.replace(HEADER, taken_at="2018-06-13T13:00:00+02:00")
+    later = replace(HEADER, taken_at="2018-06-13T13:00:00+02:00")
     assert find_tilt(later, PARAMS) == tilt
     assert read_clock_s(HEADER) == datetime(2018, 6, 13, 11, tzinfo=UTC).timestamp()
 
@@ -497,5 +493,5 @@ def test_the_sun_over_a_frame():
 )
 def test_what_keeps_the_sun_from_being_known(change, match):
     with pytest.raises(InputRejected, match=match) as refusal:
-        find_tilt(dataclasses.replace(HEADER, **change), PARAMS)
+        find_tilt(replace(HEADER, **change), PARAMS)
     assert refusal.value.code == "tilt_not_correctable"

@@ -1,7 +1,7 @@
 """An index of two reflectances, a pixel's noise, and what another version would make of a reflectance."""
 
-import dataclasses
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -110,13 +110,11 @@ def test_what_another_version_makes_of_a_reflectance_by_hand():
     rows = panel()
     k = k_of(reflectance.fit(rows, READINGS, reflectance.Params())).coefficient
     old, new = (
-        dataclasses.replace(
+        replace(
             k,
             reflectance_k=k.reflectance_k * factor,
             reflectance_k_standard_uncertainty=k.reflectance_k * factor * u_rel,
-            knots=tuple(
-                dataclasses.replace(knot, reflectance_k=knot.reflectance_k * factor) for knot in k.knots
-            ),
+            knots=tuple(replace(knot, reflectance_k=knot.reflectance_k * factor) for knot in k.knots),
         )
         for factor, u_rel in ((1.0, 0.03), (1.1, 0.04))
     )

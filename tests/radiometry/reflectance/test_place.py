@@ -1,7 +1,7 @@
 """The place of a frame on level ground, against figures worked out by hand, and shadows of a real file."""
 
-import dataclasses
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -42,12 +42,12 @@ def make_header(real, angles_deg, *, mount=GIMBAL, lens=LENS, **more):
     names = (f"{mount[0]}{axis}{mount[1]}" for axis in ("Yaw", "Pitch", "Roll"))
     said = {
         "attitude": tuple(StatedAngle(name=n, value=v) for n, v in zip(names, angles_deg, strict=True)),
-        "multispectral": dataclasses.replace(real.multispectral, geometry=lens),
+        "multispectral": replace(real.multispectral, geometry=lens),
         "position_fix": FIX,
         "altitude_m": 250.0,
     }
     where = {"latitude_deg": LATITUDE_DEG, "longitude_deg": LONGITUDE_DEG}
-    return dataclasses.replace(real, **where, width_px=200, height_px=100, **said | more)
+    return replace(real, **where, width_px=200, height_px=100, **said | more)
 
 
 def in_metres(longitude, latitude):
@@ -157,7 +157,7 @@ def test_what_is_stated_of_the_height_is_used_in_its_order(real):
     ],
 )
 def test_what_is_not_determined_has_no_place_and_a_reason(real, changes, reason):
-    place = find_place(dataclasses.replace(make_header(real, (0.0, -90.0, 0.0)), **changes), GroundHeight())
+    place = find_place(replace(make_header(real, (0.0, -90.0, 0.0)), **changes), GroundHeight())
     assert (place.form, place.transform, place.crs) == ("none", None, None)
     assert reason in place.detail
 
@@ -176,7 +176,7 @@ def write(path, place, header):
 
 def test_a_strong_tilt_and_a_known_place_leave_tie_points(real, tmp_path):
     """37 degrees wide, at 45 degrees: an affine transformation is off by more than the place is uncertain."""
-    header = make_header(real, (0.0, -45.0, 0.0), lens=dataclasses.replace(LENS, focal_length_px=300.0))
+    header = make_header(real, (0.0, -45.0, 0.0), lens=replace(LENS, focal_length_px=300.0))
     place = find_place(header, HEIGHT)
     assert (place.form, len(place.tie_points)) == ("tie_points", 11 * 11)
     assert place.residual_m > place.u_centre_m

@@ -1,7 +1,7 @@
 """From raw numbers to irradiance or radiance, a stage at a time, against figures worked out by hand."""
 
 import contextlib
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,16 +50,14 @@ def whole(height, width):
 
 
 def with_lens(lens):
-    return dataclasses.replace(MICASENSE[0].multispectral, radial_vignetting=lens)
+    return replace(MICASENSE[0].multispectral, radial_vignetting=lens)
 
 
 def cut(frame, window):
     """The same frame, of which only a window was read."""
     rows = slice(window.row0, window.row0 + window.height)
     cols = slice(window.col0, window.col0 + window.width)
-    return dataclasses.replace(
-        frame, samples_dn=frame.samples_dn[rows, cols], row0=window.row0, col0=window.col0
-    )
+    return replace(frame, samples_dn=frame.samples_dn[rows, cols], row0=window.row0, col0=window.col0)
 
 
 def test_vignetting_grid_is_the_published_one():
@@ -110,7 +108,7 @@ def test_a_miswritten_exposure_is_put_right():
 
 @pytest.mark.parametrize("c", [-1e9, -310316.1 * 0.003 * 206.0])
 def test_a_sensor_without_response_is_refused(c):
-    model = dataclasses.replace(MODEL, c=c)
+    model = replace(MODEL, c=c)
     with pytest.raises(InputRejected, match="no positive response"):
         scale_to_irradiance(np.ones((1, 1)), model=model, settings=SETTINGS)
 
@@ -187,12 +185,10 @@ def test_a_file_of_another_camera_is_refused():
 )
 def test_a_band_without_its_model_is_refused(made, lost):
     header, frame, exposure = made
-    band = dataclasses.replace(header.multispectral, **{lost: None})
+    band = replace(header.multispectral, **{lost: None})
     with pytest.raises(InputRejected, match="no readable"):
         compute_signal(
-            frame,
-            header=dataclasses.replace(header, multispectral=band),
-            settings=exposure.on_basis("nominal"),
+            frame, header=replace(header, multispectral=band), settings=exposure.on_basis("nominal")
         )
 
 
@@ -214,10 +210,10 @@ def test_features_are_those_of_the_region():
 
 def test_rounding_in_steps_does_not_average_out_without_noise():
     header, frame, exposure = SEQUOIA
-    flat = dataclasses.replace(frame, samples_dn=np.full_like(frame.samples_dn, 64 * 300))
+    flat = replace(frame, samples_dn=np.full_like(frame.samples_dn, 64 * 300))
     lens = VignettingPolynomial(exponents=((0, 0),), coefficients=(1.0,))
-    band = dataclasses.replace(header.multispectral, vignetting_polynomial=lens)
-    header = dataclasses.replace(header, multispectral=band)
+    band = replace(header.multispectral, vignetting_polynomial=lens)
+    header = replace(header, multispectral=band)
     region = Polygon.from_points([(20, 30), (60, 30), (60, 50), (20, 50)])
     found = extract_features(flat, region, header=header, exposure=exposure)
     expected = 64 / np.sqrt(12) / (64 * 300 - band.sensor_model.b)
@@ -258,7 +254,7 @@ REAL = st.floats(-1e15, 1e15)
 def test_whatever_a_file_states_is_a_finite_signal_or_a_refusal(a, b, c, exponents, data):
     header, frame, exposure = SEQUOIA
     coefficients = data.draw(st.lists(REAL, min_size=len(exponents), max_size=len(exponents)))
-    band = dataclasses.replace(
+    band = replace(
         header.multispectral,
         sensor_model=SensorModel(a=a, b=b, c=c),
         vignetting_polynomial=VignettingPolynomial(
@@ -266,7 +262,7 @@ def test_whatever_a_file_states_is_a_finite_signal_or_a_refusal(a, b, c, exponen
             coefficients=(data.draw(st.sampled_from([0.9, coefficients[0]])), *coefficients[1:]),
         ),
     )
-    told = dataclasses.replace(header, multispectral=band)
+    told = replace(header, multispectral=band)
     with contextlib.suppress(InputRejected):
         signal = compute_signal(frame, header=told, settings=exposure.on_basis("nominal"))
         assert np.isfinite(signal).all()

@@ -1,7 +1,7 @@
 """The sunshine sensor's readings: gains, validity, choice, spread, and the mistakes not to make."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,9 +37,7 @@ def test_gains_carry_the_rounding_of_their_counts():
 
 
 def test_the_table_s_integration_times_count():
-    slow = tuple(
-        dataclasses.replace(row, integration_time_s=0.3) if row.gain_index == 2 else row for row in TABLE
-    )
+    slow = tuple(replace(row, integration_time_s=0.3) if row.gain_index == 2 else row for row in TABLE)
     assert measure_gains(slow)[2].value == pytest.approx(2 * 3990 / 330)
 
 
@@ -76,7 +74,7 @@ def test_dividing_by_the_gain_index_is_the_public_scripts_mistake():
 
 
 INVALID = {
-    "saturated count": dataclasses.replace(make_record(ch0=65535), ch1=65535),
+    "saturated count": replace(make_record(ch0=65535), ch1=65535),
     "unknown gain": make_record(gain_index=7),
     "no light": make_record(ch0=0),
     "no integration time": make_record(integration_time_s=0.0),
@@ -112,8 +110,8 @@ REAL_TABLE = tuple(
     for index, ch0, ch1 in ((0, 8, 3), (1, 195, 79), (2, 3262, 1280), (3, 65535, 32727))
 )
 FIVES = (5, 5, 5, 5, 5, 5, 5, 6, 5, 6)
-REAL = make_band(*(dataclasses.replace(make_record(ch0=n), ch1=2) for n in FIVES), gains=REAL_TABLE)
-STOPPED = dataclasses.replace(make_record(ch0=65535, gain_index=3), ch1=860)
+REAL = make_band(*(replace(make_record(ch0=n), ch1=2) for n in FIVES), gains=REAL_TABLE)
+STOPPED = replace(make_record(ch0=65535, gain_index=3), ch1=860)
 BRIGHT = make_band(*[STOPPED] * 10, gains=REAL_TABLE)
 
 
@@ -199,9 +197,9 @@ def test_the_stated_uncertainty_is_the_scatter_of_the_mean():
 
 
 def test_old_records_take_the_usual_gain_and_time_and_say_so():
-    old = dataclasses.replace(make_record(ch0=620), gain_index=None, integration_time_s=None)
+    old = replace(make_record(ch0=620), gain_index=None, integration_time_s=None)
     band = make_band(old, old)
-    band = dataclasses.replace(band, counts=dataclasses.replace(band.counts, record_bytes=24))
+    band = replace(band, counts=replace(band.counts, record_bytes=24))
     found = measure_sunshine(band)
     assert found.i_ss == pytest.approx(6200.0)
     assert flags_of(found.flags) == {"sunshine_gain_assumed"}

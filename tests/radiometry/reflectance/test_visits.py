@@ -1,7 +1,7 @@
 """K from several visits to the panel: its drift, its line in time, and what scatters between frames."""
 
-import dataclasses
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -38,8 +38,8 @@ V250, V600, V750, V1000, V1200 = (
 
 
 def test_drift_between_two_visits_is_reported_and_counted():
-    drifted = {**CAMERA.bands, "green": dataclasses.replace(CAMERA.bands["green"], reflectance_k=1378.0)}
-    rows = [*panel(), *panel(2, minutes=20.0, camera=dataclasses.replace(CAMERA, bands=drifted))]
+    drifted = {**CAMERA.bands, "green": replace(CAMERA.bands["green"], reflectance_k=1378.0)}
+    rows = [*panel(), *panel(2, minutes=20.0, camera=replace(CAMERA, bands=drifted))]
     found = reflectance.fit(rows, READINGS, PARAMS)
     fit = k_of(found)
     assert fit.visits == 2
@@ -58,7 +58,7 @@ def make_linear(**changes):
         for at_s, k, u in ((0.0, 1000.0, 0.01), (1000.0, 1100.0, 0.02))
     )
     fixed = {"knots": knots, "shared_u_rel": 0.005, "drift_u_rel": 0.0, "drift_half_hour_rel": 0.03}
-    return dataclasses.replace(k_of(fit).coefficient, **fixed | changes)
+    return replace(k_of(fit).coefficient, **fixed | changes)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_single_readings_of_two_visits_show_in_which_bands_they_differ():
 
 def retime(rows, taken_at, **band):
     changed = change_band(rows, **band) if band else rows
-    return [dataclasses.replace(r, header=dataclasses.replace(r.header, taken_at=taken_at)) for r in changed]
+    return [replace(r, header=replace(r.header, taken_at=taken_at)) for r in changed]
 
 
 def doubts_of(found):
@@ -279,7 +279,7 @@ def simulate(kind, size_rel, *, visits_s, ask_s, seed, count):
                 rows += retime(
                     change_features([each], i_sq=r * i_ss / (1300.0 * math.exp(change[at_s] + own))), taken_at
                 )
-        rows = [dataclasses.replace(each, frame=f"{n}") for n, each in enumerate(rows)]
+        rows = [replace(each, frame=f"{n}") for n, each in enumerate(rows)]
         fit = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
         for at_s in ask_s:
             found = evaluate_k(fit, at_s=start + at_s)
@@ -366,16 +366,13 @@ def test_a_band_without_a_reflectance_is_named_and_left_out():
 
 
 def test_two_panels_contradict_each_other():
-    twice = [*READINGS, dataclasses.replace(READINGS[0], panel="P2", reflectance=0.5)]
+    twice = [*READINGS, replace(READINGS[0], panel="P2", reflectance=0.5)]
     with pytest.raises(InputRejected, match="2 different panel reflectances"):
         reflectance.fit(panel(), twice, PARAMS)
 
 
 def test_panel_frames_of_two_cameras_are_refused():
-    other = [
-        dataclasses.replace(each, header=dataclasses.replace(each.header, serial="OTHER"))
-        for each in panel(2, minutes=20.0)
-    ]
+    other = [replace(each, header=replace(each.header, serial="OTHER")) for each in panel(2, minutes=20.0)]
     with pytest.raises(InputRejected, match="several cameras") as refusal:
         reflectance.fit([*panel(), *other], READINGS, PARAMS)
     assert refusal.value.code == "wrong_camera"
@@ -391,8 +388,8 @@ def test_panel_frames_of_two_sunshine_sensors_are_refused_unless_it_is_left_out(
 
 def test_what_a_fit_still_lacks_is_named():
     rows = panel()
-    waiting = dataclasses.replace(rows[0], features=None)
-    regionless = dataclasses.replace(rows[1], features=None, has_region=False)
+    waiting = replace(rows[0], features=None)
+    regionless = replace(rows[1], features=None, has_region=False)
     params = reflectance.Params(exclude=(Exclusion(frame="nobody", reason="blurred", by="Ann"),))
     lacking = reflectance.missing([waiting, regionless, *rows[2:]], READINGS, params, unread=["new"])
     assert lacking == (
@@ -420,7 +417,7 @@ def test_field_frames_are_not_looked_at():
 
 
 def test_a_file_of_another_kind_is_no_panel_frame():
-    other = dataclasses.replace(panel()[0], header=make_header(None))
+    other = replace(panel()[0], header=make_header(None))
     with pytest.raises(InputRejected, match="none of the panel frames") as refusal:
         reflectance.fit([other], READINGS, PARAMS)
     assert refusal.value.code == "fit_incomplete"
@@ -428,10 +425,10 @@ def test_a_file_of_another_kind_is_no_panel_frame():
 
 def test_frames_say_what_is_odd_about_their_files():
     (first, *_) = panel()
-    model = dataclasses.replace(first.header.multispectral.sensor_model, a=3.1e8)
+    model = replace(first.header.multispectral.sensor_model, a=3.1e8)
     (newer,) = change_band([first], sensor_model=model)
-    header = dataclasses.replace(newer.header, black_level_dn=(3067.5,), serial=None)
-    odd = dataclasses.replace(newer, header=header)
+    header = replace(newer.header, black_level_dn=(3067.5,), serial=None)
+    odd = replace(newer, header=header)
     (odd,) = change_band([odd], sunshine_serial=None)
     found = reflectance.fit([odd], READINGS, PARAMS)
     assert {

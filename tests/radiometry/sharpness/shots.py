@@ -1,6 +1,6 @@
 """Frames of simulated charts, and what the method makes of them."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def transpose(frame):
     """The same picture, rows for columns."""
     mosaic = len(frame.black_level_dn) == 4
     sites = (0, 2, 1, 3) if mosaic else range(len(frame.black_level_dn))
-    return dataclasses.replace(
+    return replace(
         frame,
         samples_dn=np.ascontiguousarray(np.swapaxes(frame.samples_dn, 0, 1)),
         row0=frame.col0,
@@ -74,4 +74,4 @@ def row(name, features, *, exposure=EXPOSURE, camera=CAMERA, **changes):
         statistics=(),
         features=features,
     )
-    return dataclasses.replace(evidence, **changes)
+    return replace(evidence, **changes)

@@ -1,6 +1,6 @@
 """Lateral colour from edges: the scale of red and blue that the lens has, wherever an edge is."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,10 +66,8 @@ def test_flag_of_a_large_shift_names_the_position_and_old_features_have_none():
     assert flag.where == "position right"
     assert flag.detail.startswith("R-G is +1.")
     regions = [
-        dataclasses.replace(
-            region, edges=tuple(dataclasses.replace(each, place=None) for each in region.edges)
-        )
+        replace(region, edges=tuple(replace(each, place=None) for each in region.edges))
         for region in far[0].features.regions
     ]
-    old = dataclasses.replace(far[0].features, regions=tuple(regions))
+    old = replace(far[0].features, regions=tuple(regions))
     assert sharpness.fit([row("old", old)], Params()).lateral_colour is None

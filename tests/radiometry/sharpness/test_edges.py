@@ -1,7 +1,7 @@
 """Slanted edges: against sfrmat5's own curves, against blurs of known transfer, and what is refused."""
 
-import dataclasses
 import math
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def reference(real_data):
 @pytest.mark.parametrize("order", [1, 5])
 def test_the_whole_curve_of_every_channel_is_sfrmat5_s(reference, order):
     frame, regions, curves = reference
-    header = dataclasses.replace(SMALL.camera.describe(), rendered=True)
+    header = replace(SMALL.camera.describe(), rendered=True)
     (region,) = extract(frame, regions, header=header, target=Target(edge_order=order)).regions
     assert [each.channel for each in region.edges] == ["R", "G", "B", "luminance"]
     frequency = curves[order][:, 0]
@@ -143,7 +143,7 @@ def test_a_box_blur_is_found(width_px, angle_deg):
 def test_any_slope_place_and_order_give_the_blur(sigma_px, angle_deg, lean, order, shift):
     one = edge(blur_px=sigma_px, angle_deg=lean * angle_deg)
     frame = render_chart(SMALL, [one], seeded())
-    moved = dataclasses.replace(one, col0=one.col0 + max(shift, 0), width=one.width - abs(shift))
+    moved = replace(one, col0=one.col0 + max(shift, 0), width=one.width - abs(shift))
     (region,) = extract(frame, [moved.region], target=Target(edge_order=order)).regions
     (response,) = region.edges
     assert response.mtf50.value == pytest.approx(0.187390 / sigma_px, rel=0.01)
@@ -163,8 +163,8 @@ def test_a_slope_that_meets_few_places_is_no_worse():
 def numbers(response, *, turned=False):
     """All numbers of a response, or those of the transposed picture."""
     normal = response.place.normal
-    place = dataclasses.replace(response.place, normal=normal[::-1] if turned else normal)
-    return dataclasses.astuple(dataclasses.replace(response, channel="", orientation="", place=place))
+    place = replace(response.place, normal=normal[::-1] if turned else normal)
+    return astuple(replace(response, channel="", orientation="", place=place))
 
 
 @pytest.mark.parametrize("cfa", ["grey", "rgb", "RGGB", "GRBG"])
@@ -203,7 +203,7 @@ def test_overshoot_is_on_the_bright_side_whichever_way_the_edge_runs():
         lines = (np.arange(110.0) - 52.5) * math.tan(math.radians(5.0))
         away = (columns[None, :] - lines[:, None]) * (1.0 if rising else -1.0)
         halo = 800.0 * np.exp(-(((away - 3.0) / 0.8) ** 2))
-        sharpened = dataclasses.replace(frame, samples_dn=np.round(signal + halo).astype(np.uint16))
+        sharpened = replace(frame, samples_dn=np.round(signal + halo).astype(np.uint16))
         (region,) = extract(sharpened, [one.region]).regions
         assert region.edges[0].overshoot.value == pytest.approx(0.1, abs=0.01)
         assert region.edges[0].undershoot.value < 0.005
@@ -226,7 +226,7 @@ def test_a_window_of_the_frame_is_as_good_as_all_of_it():
     one = edge(row0=6, col0=31)
     camera = change(NOISY, cfa="RGGB")
     frame = render_chart(camera, [one], seeded())
-    part = dataclasses.replace(frame, samples_dn=frame.samples_dn[5:107, 30:98], row0=5, col0=30)
+    part = replace(frame, samples_dn=frame.samples_dn[5:107, 30:98], row0=5, col0=30)
     assert extract(frame, [one.region]) == extract(part, [one.region])
 
 
@@ -235,8 +235,8 @@ def test_a_tone_curve_is_undone_where_it_is_stated():
     camera = change(SMALL, cfa="rgb", black_level_dn=0.0)
     linear = render_chart(camera, [one], seeded())
     share = linear.samples_dn / 16383.0
-    bent = dataclasses.replace(linear, samples_dn=np.round(65535 * share ** (1 / 2.2)).astype(np.uint16))
-    bent = dataclasses.replace(bent, white_level_dn=(65535.0,) * 3)
+    bent = replace(linear, samples_dn=np.round(65535 * share ** (1 / 2.2)).astype(np.uint16))
+    bent = replace(bent, white_level_dn=(65535.0,) * 3)
     tone = Target(tone_curve="gamma", gamma=2.2)
     found = {
         name: extract(frame, [one.region], camera=camera, target=target).regions[0].edges[3].mtf50.value
@@ -257,7 +257,7 @@ def test_srgb_is_undone_on_both_of_its_branches():
     linear = render_chart(camera, [one], seeded())
     share = linear.samples_dn / 16383.0
     coded = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
-    bent = dataclasses.replace(
+    bent = replace(
         linear, samples_dn=np.round(65535 * coded).astype(np.uint16), white_level_dn=(65535.0,) * 3
     )
     target = Target(tone_curve="srgb")
@@ -353,7 +353,7 @@ def test_two_edges_are_not_one():
     samples = frame.samples_dn.copy()
     samples[60:, 20:84] = samples[60:, 20:84][:, ::-1][:, :64] // 2
     with pytest.raises(InputRejected) as refused:
-        extract(dataclasses.replace(frame, samples_dn=samples), [one.region])
+        extract(replace(frame, samples_dn=samples), [one.region])
     assert refused.value.code in {sharpness_codes.EDGE_NOT_FOUND, sharpness_codes.CHART_CONTRAST_TOO_LOW}
 
 
@@ -382,7 +382,7 @@ def test_a_clipped_channel_leaves_the_others():
 def test_a_region_outside_the_window_is_refused():
     one = edge()
     frame = render_chart(SMALL, [one], seeded())
-    part = dataclasses.replace(frame, samples_dn=frame.samples_dn[10:, :], row0=10)
+    part = replace(frame, samples_dn=frame.samples_dn[10:, :], row0=10)
     with pytest.raises(InputRejected) as refused:
         extract(part, [one.region])
     assert refused.value.code is shared.ROI_OUTSIDE_FRAME

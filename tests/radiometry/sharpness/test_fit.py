@@ -1,8 +1,8 @@
 """Frames of several positions merged: figures, falloff, what is left out, and what the field team is told."""
 
-import dataclasses
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -160,7 +160,7 @@ def test_points_carry_every_frame_and_region(fitted):
 
 
 def test_an_excluded_frame_counts_no_more(rows, fitted):
-    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="frame-1", reason="touched", by="ann"),))
+    params = replace(PARAMS, exclude=(Exclusion(frame="frame-1", reason="touched", by="ann"),))
     without = sharpness.fit(rows, params)
     left = {point.frame for point in without.points if not point.used}
     assert left == {"frame-1"}
@@ -171,8 +171,8 @@ def test_an_excluded_frame_counts_no_more(rows, fitted):
 
 
 def test_other_f_numbers_are_other_rows(rows):
-    open_wide = dataclasses.replace(EXPOSURE, f_number=2.0)
-    fit = sharpness.fit([*rows[:2], dataclasses.replace(rows[2], exposure=open_wide)], PARAMS)
+    open_wide = replace(EXPOSURE, f_number=2.0)
+    fit = sharpness.fit([*rows[:2], replace(rows[2], exposure=open_wide)], PARAMS)
     assert {(each.position, each.f_number, each.frames) for each in fit.positions} == {
         (position, f_number, count)
         for position in ("centre", "top-left", "bottom-right")
@@ -182,13 +182,13 @@ def test_other_f_numbers_are_other_rows(rows):
 
 
 def test_a_frame_without_exposure_is_as_good(rows):
-    fit = sharpness.fit([dataclasses.replace(each, exposure=None) for each in rows], PARAMS)
+    fit = sharpness.fit([replace(each, exposure=None) for each in rows], PARAMS)
     assert {each.f_number for each in fit.positions} == {None}
 
 
 def test_what_is_missing_is_named(rows):
-    waiting = dataclasses.replace(rows[0], features=None)
-    undrawn = dataclasses.replace(rows[1], features=None, has_region=False)
+    waiting = replace(rows[0], features=None)
+    undrawn = replace(rows[1], features=None, has_region=False)
     assert sharpness.missing([], PARAMS)[0].startswith("no chart frame that can be used")
     assert sharpness.missing([], PARAMS, unread=["a"]) == ("not read yet: frame a",)
     assert sharpness.missing(rows, PARAMS) == ()
@@ -216,7 +216,7 @@ def test_a_single_frame_is_flagged(rows):
 
 
 def test_a_region_that_cannot_be_used_is_left_out_with_its_reason(rows):
-    straight = dataclasses.replace(CHART[2], angle_deg=0.5)
+    straight = replace(CHART[2], angle_deg=0.5)
     bad = row("frame-3", shoot(seeded(), (*CHART[:2], straight)))
     fit = sharpness.fit([*rows, bad], PARAMS)
     assert ("region_left_out", "frame frame-3") in flags_of(fit)
@@ -227,7 +227,7 @@ def test_a_region_that_cannot_be_used_is_left_out_with_its_reason(rows):
 
 @pytest.fixture(scope="module")
 def shaken():
-    chart = tuple(dataclasses.replace(each, blur_px=each.blur_px * 1.3) for each in CHART)
+    chart = tuple(replace(each, blur_px=each.blur_px * 1.3) for each in CHART)
     return row("shaken", shoot(seeded(), chart))
 
 
@@ -246,12 +246,10 @@ def test_rendered_frames_are_flagged():
 
 def change_edges(one, **changes):
     regions = tuple(
-        dataclasses.replace(
-            region, edges=tuple(dataclasses.replace(edge, **changes) for edge in region.edges)
-        )
+        replace(region, edges=tuple(replace(edge, **changes) for edge in region.edges))
         for region in one.features.regions
     )
-    return dataclasses.replace(one, features=dataclasses.replace(one.features, regions=regions))
+    return replace(one, features=replace(one.features, regions=regions))
 
 
 @pytest.mark.parametrize(
@@ -280,9 +278,7 @@ def test_an_edge_sharper_than_the_curve_has_no_mtf50(rows):
 
 def test_corners_alone_have_nothing_to_be_compared_with(rows):
     def cut(one):
-        return dataclasses.replace(
-            one, features=dataclasses.replace(one.features, regions=one.features.regions[1:])
-        )
+        return replace(one, features=replace(one.features, regions=one.features.regions[1:]))
 
     fit = sharpness.fit([cut(each) for each in rows], PARAMS)
     assert fit.falloff == ()
@@ -337,7 +333,7 @@ def test_a_shaken_frame_is_told_by_its_repeats(rows, shaken):
 
 
 def test_an_unusable_region_warns():
-    bad = row("bad", shoot(seeded(), (*CHART[:2], dataclasses.replace(CHART[2], angle_deg=0.5))))
+    bad = row("bad", shoot(seeded(), (*CHART[:2], replace(CHART[2], angle_deg=0.5))))
     found = sharpness_verdicts.judge([taken(bad)], [bad], PARAMS)["bad"]
     assert found.outcome == "warn"
     assert found.reasons[0].code == "chart_unusable"
@@ -370,10 +366,7 @@ def test_a_frame_is_blurred_only_beyond_a_tenth_and_its_noise(rows, value, u, bl
 
 
 def test_picture_height_is_the_shorter_side_however_the_camera_is_held(rows):
-    upright = [
-        dataclasses.replace(each, features=dataclasses.replace(each.features, height_px=320, width_px=240))
-        for each in rows
-    ]
+    upright = [replace(each, features=replace(each.features, height_px=320, width_px=240)) for each in rows]
     found = [sharpness.fit(each, PARAMS).positions[0] for each in (rows, upright)]
     first, second = (each.find("mtf50_lp_per_ph").quantity for each in found)
     assert first == second

@@ -1,7 +1,7 @@
 """Siemens stars: contrast by frequency, directions, the centre, and what is refused."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,21 +73,17 @@ def test_the_centre_is_found(star):
 
 
 def test_a_known_centre_is_taken_in_the_coordinates_of_regions():
-    target = dataclasses.replace(
-        TARGET, centres=(results.StarCentre(region="centre", x_px=108.2, y_px=95.8),)
-    )
+    target = replace(TARGET, centres=(results.StarCentre(region="centre", x_px=108.2, y_px=95.8),))
     found = measure(target=target)["grey"]
     assert (found.centre_row_px, found.centre_col_px) == (pytest.approx(95.3), pytest.approx(107.7))
-    elsewhere = dataclasses.replace(
-        TARGET, centres=(results.StarCentre(region="corner", x_px=50.0, y_px=50.0),)
-    )
+    elsewhere = replace(TARGET, centres=(results.StarCentre(region="corner", x_px=50.0, y_px=50.0),))
     assert measure(target=elsewhere)["grey"].centre_row_px == pytest.approx(95.3, abs=0.05)
 
 
 @pytest.mark.parametrize("changes", [{"bars": True}, {"cycles": 37}, {"cycles": 24, "bars": True}])
 def test_bars_and_odd_cycles_do_as_well(changes):
-    one = dataclasses.replace(STAR, **changes)
-    found = measure(one, target=dataclasses.replace(TARGET, cycles=one.cycles))["grey"]
+    one = replace(STAR, **changes)
+    found = measure(one, target=replace(TARGET, cycles=one.cycles))["grey"]
     assert np.abs(np.array(found.whole.contrast) - expect(found, 0.8)).max() < 0.03
     assert found.centre_row_px == pytest.approx(95.3, abs=0.1)
 
@@ -98,9 +94,7 @@ def test_uneven_light_does_not_hide_the_centre():
     light = np.linspace(0.5, 1.5, CAMERA.camera.sensor.width_px)
     signal = (frame.samples_dn - 256.0) * light + 256.0
     (region,) = extract(
-        dataclasses.replace(frame, samples_dn=np.round(signal).astype(np.uint16)),
-        [STAR.region],
-        target=TARGET,
+        replace(frame, samples_dn=np.round(signal).astype(np.uint16)), [STAR.region], target=TARGET
     ).regions
     found = region.stars[0]
     assert (found.centre_row_px, found.centre_col_px) == (
@@ -112,7 +106,7 @@ def test_uneven_light_does_not_hide_the_centre():
 
 def smear(frame, axis):
     samples = gaussian_filter1d(frame.samples_dn.astype(np.float64), 0.8, axis=axis)
-    return dataclasses.replace(frame, samples_dn=np.round(samples).astype(np.uint16))
+    return replace(frame, samples_dn=np.round(samples).astype(np.uint16))
 
 
 @pytest.mark.parametrize(("axis", "weak", "strong"), [(0, (0, 4), (2, 6)), (1, (2, 6), (0, 4))])
@@ -148,7 +142,7 @@ def test_a_mosaic_ends_at_each_channel_s_own_nyquist_frequency():
 def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
     """With u^2 = 8 u_whole^2 in b and in c, noise alone would show as 16 u_whole^2."""
     camera = change(CAMERA, read_noise_e=800.0)
-    one = dataclasses.replace(STAR, blur_px=1.5)
+    one = replace(STAR, blur_px=1.5)
     unresolved, errors = [], []
     for seed in range(3):
         frame = render_chart(camera, [one], seeded(seed))
@@ -171,7 +165,7 @@ def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
 )
 def test_a_star_that_cannot_be_measured_is_refused_by_name(code, camera, target):
     with pytest.raises(InputRejected) as refused:
-        measure(camera=change(CAMERA, **camera), target=dataclasses.replace(TARGET, **target))
+        measure(camera=change(CAMERA, **camera), target=replace(TARGET, **target))
     assert refused.value.code is code
     assert refused.value.message.startswith("Region centre: ")
 

@@ -1,7 +1,7 @@
 """Blur from recorded attitudes: turns by hand, across 360 degrees, tilted, and of a real Sequoia."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 from scipy.spatial.transform import Rotation
@@ -39,7 +39,7 @@ def blur_of(records, *, at_s, exposure_time_s=0.001):
         counts=SunshineCounts(record_bytes=28, cut_short=False, records=records, gains=()),
         exposed_at_us=None if at_s is None else round(1e6 * at_s),
     )
-    header = dataclasses.replace(Camera().describe(), width_px=1280, height_px=960, multispectral=band)
+    header = replace(Camera().describe(), width_px=1280, height_px=960, multispectral=band)
     return blur_of_file(header, exposure_time_s=exposure_time_s, pixel_pitch_um=3.75, focal_length_mm=3.98)
 
 

@@ -1,6 +1,6 @@
 """Image motion: the source's table to its printed digits, and what follows backwards."""
 
-import dataclasses
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -83,7 +83,7 @@ def test_the_ground_sample_distance():
 @given(cases)
 def test_the_longest_exposure_reaches_the_limit_and_not_more(one):
     longest = compute_motion(one).longest_exposure_s
-    there = compute_motion(dataclasses.replace(one, exposure_time_s=longest))
+    there = compute_motion(replace(one, exposure_time_s=longest))
     assert there.theoretical_blur_px == pytest.approx(one.limit_px, rel=1e-9)
     assert there.theoretical_blur_px == there.rotation_blur_px + there.forward_blur_px
 

@@ -1,8 +1,8 @@
 """Frames in blocks: figures worked out by hand, borders, regions, windows, transposition, JSON."""
 
-import dataclasses
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,7 +113,7 @@ def test_a_window_says_what_the_whole_frame_says_there(header):
     samples = random.integers(100, 900, (40, 56))
     polygon = [(8, 16), (48, 16), (48, 32), (8, 32)]
     frame = make_frame(samples)
-    window = dataclasses.replace(frame, samples_dn=frame.samples_dn[15:33, 7:49], row0=15, col0=7)
+    window = replace(frame, samples_dn=frame.samples_dn[15:33, 7:49], row0=15, col0=7)
     assert extract(window, header, polygon) == extract(frame, header, polygon)
 
 
@@ -201,7 +201,7 @@ def test_what_flats_share_adds_up_and_what_is_their_own_averages():
 
 
 def offset(blocks, by):
-    return dataclasses.replace(blocks, light=blocks.light + by)
+    return replace(blocks, light=blocks.light + by)
 
 
 def test_a_wrong_dark_level_shrinks_the_curve_and_leaves_the_centre():
@@ -216,7 +216,7 @@ def test_the_uncertainty_covers_wrong_dark_levels():
     random, u_dark, noise = np.random.default_rng(5), 0.02, 1e-3
     blocks = exact_blocks(GRID, K, CENTRE, error=noise)
     truth = fit_channel([blocks], f_number=2.0, channel="G1").fit.coefficient
-    blocks = dataclasses.replace(blocks, dark=DarkError(shared=u_dark))
+    blocks = replace(blocks, dark=DarkError(shared=u_dark))
     pulls = []
     for _ in range(40):
         wrong = noise * random.standard_normal(blocks.light.shape) + u_dark * random.standard_normal()
@@ -300,7 +300,7 @@ def test_dark_frames_of_the_flat_s_own_time_leave_no_drift():
 HEIGHT, WIDTH = 300, 400
 WIDE = coefficient(k1=FALLOFFS[1.4][0], k2=FALLOFFS[1.4][1], k3=FALLOFFS[1.4][2], f_number=1.4)
 LENS = (WIDE, coefficient(f_number=4.0, k1=-0.085, k2=0.02, k3=-0.015))
-CENTRED = tuple(dataclasses.replace(each, centre_row_px=149.5, centre_col_px=199.5) for each in LENS)
+CENTRED = tuple(replace(each, centre_row_px=149.5, centre_col_px=199.5) for each in LENS)
 NAMES = LensfunNames(
     camera_make="Maker & Sons",
     camera_model="Flyer One",
@@ -365,17 +365,14 @@ def test_a_centred_lens_loses_nothing_and_another_says_what():
 
 def test_names_that_the_schema_would_refuse():
     with pytest.raises(ValueError, match="positive"):
-        dataclasses.replace(NAMES, focal_length_mm=0.0)
+        replace(NAMES, focal_length_mm=0.0)
     with pytest.raises(ValueError, match="names"):
-        dataclasses.replace(NAMES, mount="")
+        replace(NAMES, mount="")
     with pytest.raises(InputRejected, match="type the name again"):
-        export(LENS, dataclasses.replace(NAMES, camera_model="A\x00B"))
+        export(LENS, replace(NAMES, camera_model="A\x00B"))
     # an ideographic space, which Python does not count as printable
     maker = "光学\u3000株式会社"
-    assert (
-        ET.fromstring(export(LENS, dataclasses.replace(NAMES, lens_make=maker))).findtext("lens/maker")
-        == maker
-    )
+    assert ET.fromstring(export(LENS, replace(NAMES, lens_make=maker))).findtext("lens/maker") == maker
 
 
 @pytest.mark.parametrize("f_number", [1.4, 4.0])

@@ -1,7 +1,7 @@
 """Simulated truth comes back within its own error: off-centre, not square, transposed, and lit unevenly."""
 
-import dataclasses
 import random as python_random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,7 +185,7 @@ def cover(f_numbers, plane, turns, *, runs=16):
                 exact = exact_blocks(grid, FALLOFFS[f_number], centre, gradient=gradient)
                 noisy = exact.light * (1.0 + 1e-3 * random.standard_normal(exact.light.shape))
                 error = 1e-3 * exact.light
-                flats.append(dataclasses.replace(exact, light=noisy, standard_error=error))
+                flats.append(replace(exact, light=noisy, standard_error=error))
             fit = fit_channel(flats, f_number=f_number, channel="g", turns_deg=turns, known=known)
             known = known or fit.alone
         found_v = evaluate([fit.fit.coefficient], rows, cols, channel="g", f_number=f_number)
@@ -229,7 +229,7 @@ def test_the_terms_of_a_wide_lens_are_chosen_and_the_corner_holds_cos4(degrees, 
         light = pixels.reshape(len(exact.light), grid.block_px, -1, grid.block_px).mean((1, 3))
         noise = 3e-4 * np.sqrt(light)
         noisy = light + noise * random.standard_normal(light.shape)
-        flat = dataclasses.replace(exact, light=noisy, standard_error=noise)
+        flat = replace(exact, light=noisy, standard_error=noise)
         found = fit_channel([flat], f_number=2.0, channel="g").fit.coefficient
         assert len(found.k) == terms
         # the farthest pixel's centre, which is half a pixel from the corner: .0005 of V at most
@@ -242,7 +242,7 @@ def test_the_terms_of_a_wide_lens_are_chosen_and_the_corner_holds_cos4(degrees, 
 def test_a_knee_is_refused_by_the_light_that_it_leaves():
     exact = exact_blocks(grid_of(960, 1440), (0.0,) * 3, (479.5, 719.5))
     down, right = exact.places
-    knee = dataclasses.replace(exact, light=1.0 - 0.6 / (1.0 + np.exp((0.9 - np.hypot(down, right)) / 0.01)))
+    knee = replace(exact, light=1.0 - 0.6 / (1.0 + np.exp((0.9 - np.hypot(down, right)) / 0.01)))
     with pytest.raises(InputRejected, match=r"4\d\.\d% of the light is left in the block nearest"):
         fit_channel([knee], f_number=2.0, channel="g")
 
@@ -270,16 +270,14 @@ def test_noise_alone_makes_no_gradient():
     random, found = np.random.default_rng(8), 0
     exact = exact_blocks(grid_of(96, 128), FALLOFFS[8.0], (47.5, 63.5))
     for _ in range(60):
-        noisy = dataclasses.replace(
-            exact, light=exact.light + 1e-3 * random.standard_normal(exact.light.shape)
-        )
+        noisy = replace(exact, light=exact.light + 1e-3 * random.standard_normal(exact.light.shape))
         found += solve_falloff(noisy).has_gradient
     assert found < 3
 
 
 def test_the_centre_is_held_where_there_is_no_falloff():
     blocks = exact_blocks(grid_of(200, 300), (0.0, 0.0, 0.0), (100.0, 150.0))
-    noisy = dataclasses.replace(
+    noisy = replace(
         blocks, light=blocks.light + 1e-3 * np.random.default_rng(1).standard_normal(blocks.light.shape)
     )
     found = solve_falloff(noisy)
@@ -294,9 +292,7 @@ def test_the_centre_is_held_where_there_is_no_falloff():
 def test_a_curve_that_does_not_fit_says_by_how_much():
     blocks = exact_blocks(grid_of(200, 300), (-0.3, 0.0, 0.0), (100.0, 150.0), error=1e-4)
     rings = 0.01 * np.cos(np.arange(blocks.light.shape[0]) * 2.0)[:, None]
-    found = fit_channel(
-        [dataclasses.replace(blocks, light=blocks.light * (1 + rings))], f_number=2.0, channel="grey"
-    ).fit
+    found = fit_channel([replace(blocks, light=blocks.light * (1 + rings))], f_number=2.0, channel="grey").fit
     assert found.coefficient.model_u_rel == pytest.approx(0.01 / np.sqrt(2), rel=0.1)
     assert found.birge_ratio > 10
     assert found.coefficient.corner_falloff_standard_uncertainty > 0.9 * found.coefficient.model_u_rel * 0.7
@@ -325,11 +321,10 @@ def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
     lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     shots = [flat(lens, 1), *(dark(lens, seed, name=f"dark-{seed}") for seed in (2, 3, 4))]
     wrong = [
-        dataclasses.replace(
+        replace(
             each,
-            features=dataclasses.replace(
-                each.features,
-                channels=tuple(dataclasses.replace(c, black_level_dn=0.0) for c in each.features.channels),
+            features=replace(
+                each.features, channels=tuple(replace(c, black_level_dn=0.0) for c in each.features.channels)
             ),
         )
         for each in shots
@@ -393,7 +388,7 @@ def test_a_dark_corner_is_no_falloff():
 
 
 def test_what_is_missing_is_named():
-    waiting = dataclasses.replace(flat(SMALL, 1, name="late"), features=None)
+    waiting = replace(flat(SMALL, 1, name="late"), features=None)
     assert points.missing((), NONE) == (
         "no flat frame: photograph an even, format-filling surface at each f-number",
     )
@@ -401,7 +396,7 @@ def test_what_is_missing_is_named():
         "not read yet: frame new",
         "not extracted yet: frame late",
     )
-    without = dataclasses.replace(flat(SMALL, 1, name="bare"), exposure=None)
+    without = replace(flat(SMALL, 1, name="bare"), exposure=None)
     assert points.missing([without], NONE) == ("no exposure time, f-number and ISO: frame bare",)
     with pytest.raises(InputRejected, match="not extracted yet: frame late") as refusal:
         vignetting.fit([waiting], NONE)

@@ -1,7 +1,7 @@
 """What is wrong with a flat frame is found before a fit, named with its frame, and says what to do."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -176,7 +176,7 @@ def test_another_picture_size_is_left_out():
 
 def test_flats_of_two_lenses_are_refused():
     other = flat(SMALL, 2, name="other")
-    other = dataclasses.replace(other, header=dataclasses.replace(other.header, lens_model="9 mm"))
+    other = replace(other, header=replace(other.header, lens_model="9 mm"))
     assert "several lenses: 9 mm, unnamed lens" in refuse(flat(SMALL, 1, name="one"), other)
 
 
@@ -197,9 +197,7 @@ def test_verdicts_say_the_same_as_the_fit():
     }
     rows = [flat(SMALL, 1, name=name, **how) for name, (how, _, _) in cases.items()]
     lit = flat(SMALL, 5, name="lit", target=surface(0.3), role="dark")
-    verdicts = judge(
-        *rows, *DARKS, dataclasses.replace(lit, exposure=dataclasses.replace(lit.exposure, iso=800.0))
-    )
+    verdicts = judge(*rows, *DARKS, replace(lit, exposure=replace(lit.exposure, iso=800.0)))
     for name, (_, outcome, codes) in cases.items():
         assert (verdicts[name].outcome, reasons(verdicts[name])) == (outcome, codes), name
     assert verdicts["dark-91"].outcome == "pass"
@@ -207,7 +205,7 @@ def test_verdicts_say_the_same_as_the_fit():
 
 
 def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
-    row = dataclasses.replace(flat(SMALL, 1), features=None)
+    row = replace(flat(SMALL, 1), features=None)
     waiting = vignetting_verdicts.judge([taken(row, state="read")], [row], NONE)
     assert reasons(waiting["flat"]) == ["not_extracted"]
     bright = flat(SMALL, 1, target=surface(1.02))
@@ -236,7 +234,7 @@ def test_the_plan_says_what_to_add():
 
 def test_a_rendered_flat_is_flagged():
     row = flat(SMALL, 1)
-    row = dataclasses.replace(row, header=dataclasses.replace(row.header, rendered=True))
+    row = replace(row, header=replace(row.header, rendered=True))
     assert flags_of(fit(row).flags) == {"rendered"}
 
 
@@ -286,7 +284,7 @@ def test_slopes_are_those_of_v_for_each_parameter():
 
 
 def test_misfit_adds_to_the_uncertainty():
-    rough = dataclasses.replace(AT_2, model_u_rel=0.02)
+    rough = replace(AT_2, model_u_rel=0.02)
     plain, added = (evaluate((each,), f_number=2.0).standard_uncertainty for each in (AT_2, rough))
     assert float(added) == pytest.approx(math.hypot(plain, 0.02 * V_2))
 
@@ -317,10 +315,10 @@ def test_an_unknown_channel_and_another_size_are_refused():
 
 
 def test_a_signal_s_channels():
-    channels = [dataclasses.replace(AT_2, channel=name) for name in ("R", "G1", "G2", "B")]
+    channels = [replace(AT_2, channel=name) for name in ("R", "G1", "G2", "B")]
     assert vignetting_lens.select_channels(channels, signal="green") == ("G1", "G2")
     assert vignetting_lens.select_channels(channels, signal="grey") == ("R", "G1", "G2", "B")
-    band = [dataclasses.replace(AT_2, channel="red_edge")]
+    band = [replace(AT_2, channel="red_edge")]
     assert vignetting_lens.select_channels(band, signal="green") == ("red_edge",)
 
 
@@ -329,7 +327,7 @@ def test_a_correction_made_in_bands_is_one_over_v_everywhere(cfa):
     """Taller than a band, and between two f-numbers."""
     names = {"grey": ("grey",), "rgb": ("R", "G", "B"), "GRBG": ("G1", "R", "B", "G2")}[cfa]
     pair = [
-        dataclasses.replace(each, channel=name, k1=each.k1 * (1 + 0.1 * number))
+        replace(each, channel=name, k1=each.k1 * (1 + 0.1 * number))
         for number, name in enumerate(names)
         for each in PAIR
     ]
@@ -344,7 +342,7 @@ def test_a_correction_made_in_bands_is_one_over_v_everywhere(cfa):
 
 def test_mean_over_a_region_is_that_of_its_pixels():
     polygon = Polygon.from_points([(40, 20), (340, 10), (380, 290), (60, 280)])
-    other = [dataclasses.replace(each, channel="G2", k1=each.k1 - 0.05) for each in PAIR]
+    other = [replace(each, channel="G2", k1=each.k1 - 0.05) for each in PAIR]
     found = vignetting_lens.average_over_polygon(
         (*PAIR, *other), polygon, channels=("G1", "G2"), f_number=2.5
     )
@@ -368,7 +366,7 @@ def test_uncertainty_of_a_mean_does_not_average_out():
     around = Polygon.from_points([(330, 80), (371, 80), (371, 121), (330, 121)])
     wide = vignetting_lens.average_over_polygon(PAIR, around, channels=("G1",), f_number=2.0)
     assert wide.standard_uncertainty == pytest.approx(alone.standard_uncertainty, rel=0.05)
-    twin = dataclasses.replace(AT_2, channel="G2")
+    twin = replace(AT_2, channel="G2")
     both = vignetting_lens.average_over_polygon((AT_2, twin), tiny, channels=("G1", "G2"), f_number=2.0)
     assert both.standard_uncertainty == pytest.approx(alone.standard_uncertainty / math.sqrt(2))
     half = vignetting_lens.average_over_polygon(PAIR, tiny, channels=("G1",), f_number=2.0 * math.sqrt(2.0))

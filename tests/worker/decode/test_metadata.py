@@ -1,9 +1,9 @@
 """What the header says, and that nothing is made up of zeros and nonsense."""
 
-import dataclasses
 import hashlib
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -275,7 +275,7 @@ def test_bands_follow_the_tiles_from_the_visible_corner(save):
     tiled = Variant(compression="ljpeg", bits=12, tile=(16, 16))
     samples = make_samples(48, 48, 12)
     whole = reader.read_header(save(make_dng(samples, tiled)))
-    cut = dataclasses.replace(tiled, active_area=(20, 4, 44, 44))
+    cut = replace(tiled, active_area=(20, 4, 44, 44))
     inner = reader.read_header(save(make_dng(samples, cut), "b.dng"))
     assert (whole.band_rows, whole.first_band_rows) == (16, 16)
     assert (inner.band_rows, inner.first_band_rows) == (16, 12)

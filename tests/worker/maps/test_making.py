@@ -1,9 +1,9 @@
 """A map made strip by strip is the map of the whole frame, and its file says what it is."""
 
-import dataclasses
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +53,7 @@ def save_frame(path, shape, *, compression="none", top=3000):
 
 
 def make(decoders, path, *, scale=SCALE, **place):
-    header = dataclasses.replace(decoders.read_header(path), **place)
+    header = replace(decoders.read_header(path), **place)
     facts = MapFacts(header=header, exposure=EXPOSURE, software="stilb test", description={"unit": "cd/m2"})
     target = path.with_suffix(".tif")
     made = make_map(
@@ -73,7 +73,7 @@ def make(decoders, path, *, scale=SCALE, **place):
 def test_strips_and_tiles_make_the_whole(decoders, tmp_path, monkeypatch, shape, compression, channel):
     monkeypatch.setattr(strips, "_STRIP_PX", 30_000)
     path = save_frame(tmp_path / "frame.dng", shape, compression=compression, top=4300)
-    scale = dataclasses.replace(SCALE, channel=channel)
+    scale = replace(SCALE, channel=channel)
     target, _ = make(decoders, path, scale=scale)
     whole = compute_map(decoders.read_window(path, (0, 0, *shape)), scale)
     found = tifffile.imread(target)
@@ -97,7 +97,7 @@ def test_strips_are_whole_bands_of_the_files_tiles(
 ):
     monkeypatch.setattr(strips, "_STRIP_PX", 20_000)
     header = decoders.read_header(save_frame(tmp_path / "frame.dng", (64, 96)))
-    header = dataclasses.replace(header, height_px=height, width_px=95, band_rows=band, first_band_rows=first)
+    header = replace(header, height_px=height, width_px=95, band_rows=band, first_band_rows=first)
     assert strips.cut_strips(header) == expected
 
 

@@ -1,6 +1,6 @@
 """The XMP of a map: band, lens and attitude come back as the camera's file told them, and nothing else."""
 
-import dataclasses
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,7 +32,7 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
     target = tmp_path / "map.tif"
     tiles = encode_band(np.zeros((256, header.width_px), np.float32))
     facts = MapFacts(
-        header=dataclasses.replace(header, height_px=256),
+        header=replace(header, height_px=256),
         exposure=None,
         software="stilb",
         description={},
@@ -53,7 +53,7 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
     assert place == (told_place if None in told_place else pytest.approx(told_place, rel=1e-9))
     assert (None in place) == (told.system == "sequoia")
     same = {"principal_point_px": (0.0, 0.0), "pixels_per_mm": None}
-    assert dataclasses.replace(found.geometry, **same) == dataclasses.replace(told.geometry, **same)
+    assert replace(found.geometry, **same) == replace(told.geometry, **same)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -66,7 +66,7 @@ def test_what_the_map_has_taken_in_is_not_said_again(name):
 
 
 def make_header(**more):
-    return dataclasses.replace(reader.read_header(data_file(FILES[1])), **({"attitude": ()} | more))
+    return replace(reader.read_header(data_file(FILES[1])), **({"attitude": ()} | more))
 
 
 def test_attitude_alone_is_a_packet_and_nothing_is_none():
