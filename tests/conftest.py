@@ -13,6 +13,7 @@ import pytest
 
 from store.database import Database
 from store.migrate import migrate
+from tests.support.deployments import Embedded, short_folder
 from tests.support.house import House
 from tests.support.postgres import postgres  # noqa: F401 (fixture)
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
@@ -188,6 +189,13 @@ def empty(request, tmp_path):
     opened = Database(url, answer_within_s=300.0)
     yield opened
     opened.dispose()
+
+
+@pytest.fixture(scope="session")
+def service():
+    """`make up`, for pages and journeys; whoever uses it is an organisation of its own."""
+    with short_folder() as folder, Embedded(folder / "data") as deployment:
+        yield deployment
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
-"""One service and one browser for the tests of this folder; each test is an organisation of its own.
+"""One browser for the tests of this folder; each test is an organisation of its own.
 
-Both end with the folder, not with the run: while the browser is driven, no event loop can be run beside it.
+It ends with the folder, not with the run: while it is driven, no event loop can be run beside it.
 """
 
 from contextlib import suppress
@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from tests.support.browser import DIALOG, find_missing, launch, sign_in, visit
-from tests.support.deployments import Embedded, short_folder
+from tests.support.deployments import short_folder
 from tests.support.nightwork import work_a_night
 
 
@@ -36,13 +36,6 @@ def pytest_runtest_makereport(item, call):
             if team := item.funcargs.get("team"):
                 report.sections.append(("jobs", "\n".join(map(str, team.client.jobs()))))
     return report
-
-
-@pytest.fixture(scope="package")
-def service():
-    """`make up`, for as long as somebody looks at its pages."""
-    with short_folder() as folder, Embedded(folder / "data") as deployment:
-        yield deployment
 
 
 @pytest.fixture(scope="package")

@@ -10,7 +10,7 @@ from tests.support.fieldwork import figures_of, write_campaign
 def embedded(installed):
     """`stilb-server up` from its wheel, on SQLite, a folder and the bundled Valkey."""
     command = [str(installed / "bin" / "stilb-server"), "up"]
-    with short_folder() as folder, Embedded(folder / "data", command) as deployment:
+    with short_folder() as folder, Embedded(folder / "data", command, STILB_LOG="json") as deployment:
         yield deployment
 
 

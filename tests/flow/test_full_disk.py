@@ -1,14 +1,16 @@
 """A disk that is full for a while: uploads are refused as such, all else waits and goes on by itself."""
 
+import signal
 import time
 
 import pytest
 
+from service.up import ROSTER
 from tests.support.blobs import files
 from tests.support.deployments import Embedded, short_folder
 from tests.support.disks import filled, small_disk
-from tests.support.processes import wait_until
-from tests.support.waiting import status_of
+from tests.support.processes import alive, children, command, family, wait_until
+from tests.support.waiting import status_of, wait_for
 
 # Long enough for a part that is started again and again to be given up.
 FULL_S = 6.0
@@ -66,3 +68,16 @@ def test_what_fits_is_taken_and_what_does_not_leaves_nothing_behind(deployment, 
             (small,) = team.push(campaign, shots[:1])
             team.client.wait(small.job_id, timeout_s=60)
         assert http.post(frames_path(campaign), content=b"x" * 8 * MEGABYTE).status_code == 201
+
+
+def test_a_stop_ends_all_in_order(deployment, shots):
+    with deployment.team() as team:
+        frames = team.push(team.campaign(), shots[6:10])
+        deployment.wait_for_jobs([frame.id for frame in frames])
+    tree = family(deployment.launcher.pid)
+    assert [pid for pid in tree if "worker.decode" in command(pid)]
+    assert len(children(deployment.launcher.pid)) == 1 + len(ROSTER.parts)
+    deployment.launcher.send_signal(signal.SIGTERM)
+    out, err = deployment.launcher.communicate(timeout=60)
+    assert (deployment.launcher.returncode, out, err) == (0, "", "")
+    wait_for(lambda: not alive(tree))

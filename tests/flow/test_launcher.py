@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -14,12 +13,10 @@ import pytest
 
 from service.up import ROSTER
 from tests.support.compose import ROOT
-from tests.support.deployments import Embedded, short_folder, spawn, wait_for
-from tests.support.processes import alive, children, command, family, marked
+from tests.support.deployments import short_folder, spawn, wait_for
+from tests.support.processes import alive, family, marked
 
 UP = [sys.executable, "-m", "service.up"]
-# The launcher, Valkey and its parts.
-TREE = 2 + len(ROSTER.parts)
 
 
 @pytest.fixture
@@ -79,21 +76,7 @@ def test_nothing_outlives_a_killed_make(data):
     with started(up, data) as (process, mark):
         assert process.stdout.readline().startswith("ready ")
         tree = family(process.pid)
-        assert len(tree) >= TREE
+        assert len(tree) >= 2 + len(ROSTER.parts)  # the launcher, Valkey and its parts
         process.kill()
         # A decoder looks for its parent twice a second.
         wait_for(lambda: not alive(tree) and not marked(mark))
-
-
-def test_a_stop_ends_all_in_order(data, shots):
-    with Embedded(data) as deployment, deployment.team() as team:
-        frames = team.push(team.campaign(), shots[:4])
-        deployment.wait_for_jobs([frame.id for frame in frames])
-        tree = family(deployment.launcher.pid)
-        decoders = [pid for pid in tree if "worker.decode" in command(pid)]
-        assert decoders
-        assert len(children(deployment.launcher.pid)) == TREE - 1
-        deployment.launcher.send_signal(signal.SIGTERM)
-        out, err = deployment.launcher.communicate(timeout=60)
-        assert (deployment.launcher.returncode, out, err) == (0, "", "")
-        wait_for(lambda: not alive(tree))

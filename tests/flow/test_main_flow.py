@@ -4,8 +4,9 @@ from tests.support.campaigns import ISOS, K_TRUE
 from tests.support.fieldwork import CHANNELS, figures_of
 
 
-def test_a_campaign_becomes_coefficients_in_force(deployment, shots, quiet_figures):
-    with deployment.team() as team:
+def test_a_campaign_becomes_coefficients_in_force(composed, shots, quiet_figures):
+    """Of both deployments to the last bit; `up` publishes in test_printed.py."""
+    with composed.team() as team:
         campaign = team.campaign()
         team.push(campaign, shots)
         version = team.client.calibrate(campaign.id)  # as documented: it waits until the frames are read

@@ -13,16 +13,10 @@ from tests.journeys.head import write_head
 from tests.journeys.night import write_night
 from tests.journeys.pages import Pages
 from tests.support.browser import find_missing, launch
-from tests.support.deployments import Embedded, short_folder
+from tests.support.deployments import short_folder
 from tests.support.printed import NO_CURL
 
 DOORS = {"pages": Pages, "client": Client, "command": Command, "curl": Curl}
-
-
-@pytest.fixture(scope="package")
-def service():
-    with short_folder() as folder, Embedded(folder / "data") as deployment:
-        yield deployment
 
 
 @pytest.fixture
