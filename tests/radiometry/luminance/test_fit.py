@@ -323,9 +323,8 @@ def test_a_point_is_left_out_with_its_reason(changes, reason):
 
 
 def test_a_thousandth_saturated_still_counts():
-    rows = (*ROWS, light("dim", 11.0, name="odd"))
-    kept = replace(rows[-1].statistics[0], saturated_share=0.001)
-    assert point(fit((*rows[:-1], replace(rows[-1], statistics=(kept,)))), "odd").used
+    kept = statistics(DARK + 100.0, saturated=0.001)
+    assert point(fit((*ROWS, light("dim", 11.0, name="odd", statistics=kept))), "odd").used
 
 
 def test_a_frame_excluded_by_hand_says_who_and_why():
@@ -343,28 +342,49 @@ def test_an_excluded_dark_frame_does_not_count():
     assert result.iso_fits[0].coefficient.dark_signal_dn == DARK
 
 
-def test_nothing_is_missing():
-    assert luminance.missing(ROWS, READINGS, PARAMS) == ()
+TOO_FEW = "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"
+NEW = light("dim", 11.0, name="new")
+WAITING = tuple(replace(row, statistics=None) for row in ROWS)
+BARE = tuple(replace(row, has_region=False) for row in WAITING)
 
 
 @pytest.mark.parametrize(
-    ("rows", "readings", "sentence"),
+    ("rows", "excluded", "missing"),
     [
-        (DARKS, READINGS, "the campaign has no light frame"),
-        ((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, "no statistics yet: frame new"),
-        ((*ROWS, replace(light("dim", 11.0, name="new"), scene=None)), READINGS, "no scene: frame new"),
+        (ROWS, None, []),
+        ((*ROWS, replace(NEW, scene="level-4")), "new", []),  # it needs no reading
+        ((*ROWS, replace(NEW, statistics=None)), "new", []),
+        (ROWS, "ghost", ["to be left out, but not of this campaign: frame ghost"]),
+        (BARE, None, ["the campaign has no region (ROI)"]),
+        ((*BARE[:1], *ROWS[1:]), None, ["no region (ROI): frame bright-3200-5.6"]),
         (
-            tuple(row for row in ROWS if row.scene != "bright"),
-            READINGS,
-            "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels",
+            WAITING,
+            None,
+            ["no statistics yet: frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more"],
         ),
-        (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"),
+        ((*WAITING[:2], *ROWS[2:]), None, ["no statistics yet: frames bright-3200-5.6, bright-3200-8"]),
+        ((), None, ["the campaign has no light frame"]),
     ],
 )
-def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence):
-    assert any(found.startswith(sentence) for found in luminance.missing(rows, readings, PARAMS))
+def test_what_is_missing_is_listed_by_name(rows, excluded, missing):
+    exclude = (Exclusion(frame=excluded, reason="blurred", by="me"),) if excluded else ()
+    assert [*luminance.missing(rows, READINGS, replace(PARAMS, exclude=exclude))] == missing
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        (DARKS, "the campaign has no light frame"),
+        ((*ROWS, replace(NEW, statistics=None)), "no statistics yet: frame new"),
+        ((*ROWS, replace(NEW, scene=None)), "no scene: frame new"),
+        ([row for row in ROWS if row.scene != "bright"], TOO_FEW),
+        (LIGHTS[:6], TOO_FEW),
+    ],
+)
+def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, sentence):
+    assert any(found.startswith(sentence) for found in luminance.missing(rows, READINGS, PARAMS))
     with pytest.raises(InputRejected) as refusal:
-        fit(rows, readings)
+        fit(rows)
     assert refusal.value.code is shared.FIT_INCOMPLETE
     assert sentence in refusal.value.message
 
@@ -393,42 +413,5 @@ def test_scenes_that_lack_readings_alone_are_one_cause():
         luminance.fit(rows, READINGS, PARAMS)
 
 
-def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():
-    rows = (*ROWS, replace(light("dim", 11.0, name="new"), scene="level-4"))
-    params = replace(PARAMS, exclude=(Exclusion(frame="new", reason="", by="me"),))
-    assert luminance.missing(rows, READINGS, params) == ()
-
-
-def test_a_campaign_without_a_region_says_so_once():
-    bare = [replace(row, statistics=None, has_region=False) for row in ROWS]
-    assert luminance.missing(bare, READINGS, PARAMS) == ("the campaign has no region (ROI)",)
-    assert luminance.missing((*bare[:1], *ROWS[1:]), READINGS, PARAMS) == (
-        "no region (ROI): frame bright-3200-5.6",
-    )
-
-
-def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
-    waiting = [replace(row, statistics=None) for row in ROWS]
-    assert luminance.missing(waiting, READINGS, PARAMS) == (
-        "no statistics yet: frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more",
-    )
-    assert luminance.missing((*waiting[:2], *ROWS[2:]), READINGS, PARAMS) == (
-        "no statistics yet: frames bright-3200-5.6, bright-3200-8",
-    )
-
-
 def test_what_is_not_read_yet_is_named_and_may_be_the_light_frames():
     assert luminance.missing((), (), PARAMS, unread=("b", "a")) == ("not read yet: frames a, b",)
-    assert luminance.missing((), (), PARAMS) == ("the campaign has no light frame",)
-
-
-def test_excluding_an_unknown_frame_is_said():
-    params = replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
-    assert luminance.missing(ROWS, READINGS, params) == (
-        "to be left out, but not of this campaign: frame ghost",
-    )
-
-
-def test_an_excluded_frame_need_not_be_extracted():
-    params = replace(PARAMS, exclude=(Exclusion(frame="new", reason="blurred", by="me"),))
-    assert luminance.missing((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, params) == ()
