@@ -23,6 +23,9 @@ def shots(tmp_path_factory):
     return [shot for shot in found if "-3200-" in shot.path.name]
 
 
+PLACE = "each => each.getBoundingClientRect().top + scrollY"
+
+
 def add_pattern(page, pattern, role):
     page.get_by_role("button", name="Add a pattern").click()
     page.get_by_label("Pattern", exact=True).last.fill(pattern)
@@ -69,8 +72,16 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     }.items():
         expect(page.get_by_label(label, exact=True).first).to_have_value(text)
 
+    held = Held(page, "**/frames/known")
     page.get_by_label("Files to send").set_input_files([shot.path for shot in shots])
-    page.get_by_text("Role and scene by pattern").click()
+    patterns, asked = page.get_by_text("Role and scene by pattern"), held.release()
+    expect(page.get_by_text(f"{len(shots)} being compared")).to_be_visible()
+    before = patterns.evaluate(PLACE)
+    asked.continue_()
+    expect(page.get_by_text("all compared")).to_be_visible()
+    assert patterns.evaluate(PLACE) == before
+    page.unroute("**/frames/known")
+    patterns.click()
     add_pattern(page, "dark*", "dark")
     add_pattern(page, "{scene}-????-?.DNG", "light")
     expect(page.get_by_label("Scene of level-1-3200-0.DNG")).to_have_value("level-1")

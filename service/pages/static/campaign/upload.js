@@ -258,7 +258,8 @@ function summary(state, queue, given) {
   const rest = moving.length ? [`${bytes(done)} of ${bytes(total)}`, queue.rate > 0 ? `${bytes(queue.rate)}/s` : "", queue.rate > 0 ? `${span((total - done) / queue.rate)} left` : ""].filter(Boolean).join(" · ") : open.length ? bytes(open.reduce((sum, item) => sum + item.size, 0)) : "";
   const comparing = of("hashing", "asking").length;
   const notes = [
-    comparing && `${comparing} being compared`,
+    // a line while files wait, whatever it says: what is below it stays where it is pressed
+    comparing ? `${comparing} being compared` : open.length && "all compared",
     there.length && `${there.length} already there, not sent`,
     retrying.length && `${retrying.length} waiting for the connection`,
     failed.length && `${failed.length} not accepted`,
