@@ -45,11 +45,7 @@ def set_up(
 
 
 class View(Record):
-    """A board in a pose, with a white margin around its squares and grey beyond.
-
-    Every pixel is the mean of 4 x 4 rays. Each is followed through the lens to the board's plane, so an edge
-    lies where the lens model puts it and not where a warped bitmap would.
-    """
+    """A board in a pose, a white margin and grey beyond; a pixel is the mean of 4 x 4 rays."""
 
     board: Board
     pose: Pose
@@ -142,10 +138,7 @@ class Mounted(Record, kw_only=False):
     pose: Vector
 
     def move(self, board: Pose, *, by: Vector | None = None) -> Pose:
-        """Return where this camera sees a board that the reference sees in a pose.
-
-        ``by`` is a deviation of this camera's own pose, as a mount that gives way or a late trigger makes it.
-        """
+        """Return where this camera sees a board that the reference sees in a pose; ``by``: its deviation."""
         mine = self.pose if by is None else self.pose + by
         rotation, shift = cv2.composeRT(board.rotation, board.shift, mine[:3], mine[3:])[:2]
         return Pose(np.ravel(rotation), np.ravel(shift))

@@ -340,10 +340,7 @@ class Target(Protocol):
     """Anything that can be photographed."""
 
     def draw(self, camera: Camera, window: roi.Window) -> Plane:
-        """Return the share of the lamp's luminance that each pixel sees, (row, col) or one for all.
-
-        A lens whose colours differ gives (row, col, colour), red first.
-        """
+        """Return the share of the lamp's luminance: (row, col), (row, col, colour), or one for all."""
 
 
 def expose(

@@ -117,10 +117,7 @@ def write_dng(
     taken_at: datetime,
     compression: Compression = "none",
 ) -> None:
-    """Write a mosaic as one CFA image in a DNG 1.4: one strip of 16-bit words, or lossless JPEG in tiles.
-
-    Lossless JPEG needs 16 pixels each way. The APEX values are computed from the nominal settings.
-    """
+    """Write a mosaic as the CFA image of a DNG 1.4: one strip of 16-bit words, or lossless JPEG in tiles."""
     writer = TiffWriter()
     append = append_strip if compression == "none" else _append_tiles
     image = describe_image(mosaic_dn, photometric=_CFA) | append(writer, mosaic_dn)
@@ -168,10 +165,7 @@ def _describe(camera: Camera, settings: Settings, taken_at: datetime) -> Entries
 
 
 def _append_tiles(writer: TiffWriter, mosaic_dn: NDArray[np.uint16]) -> Entries:
-    """Append tiles of full size: the last ones repeat the border, which a reader cuts off again.
-
-    Their sides are multiples of 16, as TIFF asks, within the image: LibRaw misreads a single, larger tile.
-    """
+    """Append full tiles, sides multiples of 16 within the image: LibRaw misreads a single, larger one."""
     rows, cols = mosaic_dn.shape
     high, wide = (min(_TILE_PX, size - size % 16) for size in mosaic_dn.shape)
     padded = np.pad(mosaic_dn, ((0, -rows % high), (0, -cols % wide)), mode="edge")

@@ -227,11 +227,7 @@ def capture(
     taken_at: datetime = datetime(2018, 4, 13, 8, 0, tzinfo=UTC),
     capture_id: str = "capture",
 ) -> dict[str, Taken]:
-    """Expose all bands of a level surface under one true light [counts/s at gain index 1].
-
-    ``reflectance`` has one value per band to expose, or (row, col) for the whole frame; ``gain_indices`` one
-    of each sunshine reading.
-    """
+    """Expose bands under one light [counts/s at gain index 1]; a reflectance is a value or (row, col)."""
     taken = {}
     for name, surface in reflectance.items():
         counts = sequoia.sunshine.count(i_ss, random, gain_indices=gain_indices)

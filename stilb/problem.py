@@ -2,10 +2,11 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 
@@ -15,6 +16,7 @@ from stilb.records import Job
 _PASSING = frozenset({429, 502, 503, 504})
 
 UNREACHABLE = "unreachable"
+_Found = TypeVar("_Found")
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -60,6 +62,15 @@ class JobFailed(Problem):
 def missing(detail: str) -> Problem:
     """A thing that was named by something else than its id, and that no list holds."""
     return Problem(status=404, code="not_found", detail=detail, retryable=False)
+
+
+def only(found: Sequence[_Found], *, several: str, none: str) -> _Found:
+    """Return the one thing that has a name; raise what is said of several or none."""
+    if len(found) > 1:
+        raise Unclear(several)
+    if not found:
+        raise missing(none)
+    return found[0]
 
 
 def from_response(response: httpx.Response) -> Problem:

@@ -149,11 +149,7 @@ def send_side_by_side(
     at_once: int | None,
     on_progress: OnProgress | None,
 ) -> list[Sent]:
-    """Send files side by side; the answers come back in the order of ``uploads``.
-
-    The first failure is raised, and no further file begun. If somebody wants to stop, so do the files that
-    are on their way.
-    """
+    """Send files side by side, until the first failure, which is raised; the answers come in their order."""
     tally = Tally([Path(upload.path) for upload in uploads], on_progress)
     width, under_way = Width(at_once), dict[Future[Sent], tuple[int, float]]()
     futures = list[Future[Sent]]()
@@ -226,11 +222,7 @@ def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, 
 def _send_resumably(
     transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: Count
 ) -> dict[str, Any]:
-    """Send a file from where the last connection was cut, as long as each brings it forward.
-
-    A proxy that holds a body back until it is whole loses what a cut leaves of it: pieces get smaller until
-    one arrives.
-    """
+    """Send a file from where the last connection was cut, in smaller pieces until one arrives."""
     said = {"campaign_id": upload.campaign_id, "sha256": sha256} | _query(upload, path)
     pairs = {name: str(value).encode() for name, value in said.items() if value is not None}
     metadata = ",".join(f"{name} {base64.b64encode(value).decode()}" for name, value in pairs.items())

@@ -109,10 +109,7 @@ class Database:
     async def ask(
         self, wanted: Select[*tuple[Any, ...]], values: Mapping[str, str | int | datetime]
     ) -> list[tuple[Any, ...]]:
-        """Return rows as the driver has them, in the event loop: for what most requests ask.
-
-        A session in a thread takes ten times as long. ``wanted`` is kept: make it once.
-        """
+        """Return rows as the driver has them, in the event loop; ``wanted`` is kept: make it once."""
         if wanted not in self._statements:
             compiled = wanted.compile(dialect=self._dialect)
             self._statements[wanted] = compiled.string, compiled.params
@@ -157,11 +154,7 @@ class Database:
         return self._writer
 
     def guard_schema(self) -> None:
-        """Return once the database answers and has the schema of this code; no other is written to then.
-
-        Raises `SchemaDiffers` for any other schema, and each writing transaction does so too: the schema may
-        be changed while this process runs.
-        """
+        """Return once the database answers with this schema; from then on no other is written to."""
         complained = False
         while True:
             try:

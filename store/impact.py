@@ -57,10 +57,7 @@ class CoefficientChange(Record):
 
 
 class Impact(Record):
-    """A version against the one in force.
-
-    ``flags_gained``, ``flags_lost`` : (flag, where)
-    """
+    """A version against the one in force; each flag with where it is."""
 
     against: InForce
     meter_calibration: Reference

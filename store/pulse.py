@@ -26,10 +26,7 @@ _LOOK_AGAIN_S = 6.0
 
 
 class Pulse:
-    """Beats into a file, or nowhere; never fails, since a beat that cannot be written must end nobody.
-
-    Whoever watches a process names the file in its environment.
-    """
+    """Beats into a file that whoever watches names, or nowhere; never fails: that must end nobody."""
 
     def __init__(self, path: str | None = None) -> None:
         self._path = path = os.environ.get(_PULSE, "") if path is None else path
@@ -114,10 +111,7 @@ _STOPPED: Final = ("T", "t")
 
 
 def find_stopped_writer(url: str) -> int | None:
-    """Return the process that was stopped amid a writing transaction; None for none or unknown.
-
-    Only for a process that never opens the database: as it closes the file, its own locks on it would go.
-    """
+    """Return the process that was stopped amid a write, to one that never opens the database."""
     scheme, _, path = url.partition("?")[0].partition(":///")
     if scheme != "sqlite" or sys.platform != "linux":
         return None

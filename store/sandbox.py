@@ -205,10 +205,7 @@ class Restrictions:
             self._libc.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
 
     def shut_in(self, meanwhile: Callable[[], None] = lambda: None) -> Sandbox:
-        """Lose new privileges, every path, the network, and all system calls but those of computing.
-
-        ``meanwhile`` : starts what needs one more system call. A thread that it starts loses all of it, too.
-        """
+        """Lose privileges, paths, network, and after ``meanwhile`` all calls but of computing."""
         if not self._linux:
             return Sandbox(no_new_privs=False, landlock=0, seccomp=False)
         no_new_privs = self._libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0

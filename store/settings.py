@@ -51,10 +51,7 @@ class SettingsWrong(Exception):  # noqa: N818 (it says what was found)
 
 
 class Settings(BaseModel):
-    """One field a setting: ``STILB_<FIELD>`` in the environment, its meaning in docs/settings.md.
-
-    An address left empty stands for the embedded part: SQLite, the bundled Valkey, blobs in a folder.
-    """
+    """One field a setting, ``STILB_<FIELD>``; an address left empty stands for the embedded part."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

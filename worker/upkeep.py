@@ -120,10 +120,7 @@ log = logging.getLogger(__name__)
 
 
 class Upkeep:
-    """A look `_LOOKS_A_LEASE` times in a lease for what no message brings about; most find nothing.
-
-    The process that leads looks so often, the others a third as often.
-    """
+    """A look for what no message brings about: the leader takes one often, the others a third as often."""
 
     def __init__(self, context: Context, presence: processes.Presence, *, lead: Callable[[], None]) -> None:
         """``lead`` begins, once, what one process of all workers is enough for."""

@@ -95,9 +95,19 @@ def _sentence(url: str, own: OwnKey) -> str:
 
 
 State = Literal["ok", "warn", "fail", "unknown"]
-_QUEUE_WARNS_S = 60.0
-_CLOCK_WARNS_S, _CLOCK_FAILS_S = 5.0, 300.0
-_DISK_WARNS_BYTES, _DISK_FAILS_BYTES = 20e9, 1e9
+Limit = tuple[float, State, str]
+"""Above which a value is of a state, and what to do then."""
+_READY: Limit = (0.0, "fail", "")
+_QUEUE: Limit = (60.0, "warn", ": the workers are busy or down; tell the operator")
+_QUARANTINE: Limit = (0.0, "warn", ": stilb jobs --state quarantined")
+_DISK: tuple[Limit, ...] = (
+    (-1e9, "fail", ": nothing can be sent; tell the operator"),
+    (-20e9, "warn", ": tell the operator before a campaign"),
+)
+_CLOCK: tuple[Limit, ...] = (
+    (300.0, "fail", ": set it, otherwise times entered here (--from, --at) are wrong"),
+    (5.0, "warn", ""),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,48 +136,31 @@ def doctor(output: Output) -> None:
 
 
 def examine_health(health: Health) -> list[Finding]:
+    free, ahead_s = health.free_bytes or 0, health.clock_ahead_s or 0.0
     answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
-    ready: tuple[State, str] = ("ok" if health.ready else "fail", answer)
-    quarantine: tuple[State, str] | None = None if health.quarantined_jobs is None else ("ok", "no jobs")
-    if lost := health.quarantined_jobs:
-        quarantine = "warn", f"{lost} jobs have lost three workers each: stilb jobs --state quarantined"
-    checks: dict[str, tuple[State, str] | None] = {
-        "ready": ready,
-        "version": None if health.version is None else ("ok", health.version),
-        "queue": None if health.oldest_queued_s is None else _judge_queue(health.oldest_queued_s),
-        "quarantine": quarantine,
-        "disk": None if health.free_bytes is None else _judge_disk(health.free_bytes),
-        "clock": None if health.clock_ahead_s is None else _judge_clock(health.clock_ahead_s),
-    }
-    untold: tuple[State, str] = "unknown", "not available here (/metrics is not open): ask the operator"
-    judged = {name: found or untold for name, found in checks.items()}
-    return [Finding(check=name, state=state, detail=detail) for name, (state, detail) in judged.items()]
-
-
-def _judge_queue(oldest_s: float) -> tuple[State, str]:
-    if oldest_s > _QUEUE_WARNS_S:
-        busy = "the workers are busy or down; tell the operator"
-        return "warn", f"a job has waited for {oldest_s:.0f} s: {busy}"
-    return "ok", f"the oldest job has waited for {oldest_s:.0f} s"
-
-
-def _judge_disk(free_bytes: int) -> tuple[State, str]:
-    free = f"{free_bytes / 1e9:.1f} GB free, room for {free_bytes / 42e6:.0f} frames of 21 megapixels"
-    if free_bytes < _DISK_FAILS_BYTES:
-        return "fail", f"{free}: nothing can be sent; tell the operator"
-    return (
-        ("warn", f"{free}: tell the operator before a campaign")
-        if free_bytes < _DISK_WARNS_BYTES
-        else ("ok", free)
-    )
-
-
-def _judge_clock(ahead_s: float) -> tuple[State, str]:
+    waited = f"the oldest job has waited for {health.oldest_queued_s or 0.0:.0f} s"
+    lost = f"{health.quarantined_jobs} jobs have lost three workers each"
+    room = f"{free / 1e9:.1f} GB free, room for {free / 42e6:.0f} frames of 21 megapixels"
     side = "behind" if ahead_s > 0 else "ahead of"
     apart = f"this machine's clock is {abs(ahead_s):.0f} s {side} the service's"
-    if abs(ahead_s) > _CLOCK_FAILS_S:
-        return "fail", f"{apart}: set it, otherwise times entered here (--from, --at) are wrong"
-    return ("warn", apart) if abs(ahead_s) > _CLOCK_WARNS_S else ("ok", f"{ahead_s:+.1f} s")
+    return [
+        _judge("ready", not health.ready, answer, _READY),
+        _judge("version", None if health.version is None else 0.0, str(health.version)),
+        _judge("queue", health.oldest_queued_s, waited, _QUEUE),
+        _judge("quarantine", health.quarantined_jobs, lost, _QUARANTINE),
+        _judge("disk", None if health.free_bytes is None else -free, room, *_DISK),
+        _judge("clock", None if health.clock_ahead_s is None else abs(ahead_s), apart, *_CLOCK),
+    ]
+
+
+def _judge(check: str, value: float | None, detail: str, *limits: Limit) -> Finding:
+    """Judge a value by the first limit that it exceeds; None is not told."""
+    if value is None:
+        detail = "not available here (/metrics is not open): ask the operator"
+        return Finding(check=check, state="unknown", detail=detail)
+    passed = [(state, advice) for limit, state, advice in limits if value > limit]
+    state, advice = passed[0] if passed else ("ok", "")
+    return Finding(check=check, state=state, detail=detail + advice)
 
 
 @app.command("list", epilog="Example: stilb key list")

@@ -171,10 +171,7 @@ def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
 
 
 def lines(report: Report) -> Iterator[str]:
-    """Return the lines at the end: files that do not simply pass, by their reasons, then the sum.
-
-    Reasons that differ only in numbers are one, with the range of each number.
-    """
+    """Return the files that do not simply pass, by reasons alike but for their numbers, then the sum."""
     told = (file for file in report.files if file.outcome != "pass" or file.reasons)
     for files in group_alike(told, lambda file: (file.outcome, *file.reasons)):
         yield f"{name_some([file.name for file in files], 'files')}  {files[0].outcome}"

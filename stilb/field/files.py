@@ -225,10 +225,7 @@ def _read_packet(file: BinaryIO, tags: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _measure_centre(file: BinaryIO, tags: Mapping[str, Any]) -> float | None:
-    """Return the mean of the centre, a ninth of the frame, as a share of the way from black to white.
-
-    None for numbers that are compressed or packed.
-    """
+    """Return the mean of the middle ninth from black to white; None if it is compressed or packed."""
     for part in ("Image", *sorted({key.rpartition(" ")[0] for key in tags if key.startswith("EXIF SubIFD")})):
 
         def read(name: str, usual: int | None = None, part: str = part) -> list[int]:

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -66,10 +66,7 @@ class Journal:
 
 
 class Watch:
-    """Files of a folder, each once: when two scans in a row have found it with the same size and time.
-
-    Asking again and again needs nothing of the system, and works on cards, sticks and network folders alike.
-    """
+    """Files of a folder, each once two scans in a row have found it with the same size and time."""
 
     def __init__(self, list_files: Callable[[], list[FieldFile]]) -> None:
         self._list_files = list_files
@@ -290,23 +287,8 @@ def _words(role: str, scene: str | None) -> str:
 
 
 def as_json(report: Report) -> dict[str, Any]:
-    return {
-        "campaign_id": report.campaign_id,
-        "expected": len(report.files),
-        "received": report.received,
-        "sent": report.sent,
-        "outcomes": report.outcomes,
-        "files": [
-            {
-                "name": file.name,
-                "outcome": file.outcome,
-                "reasons": [*file.reasons],
-                "codes": [*file.codes],
-                **({"sha256": file.sha256} if file.sha256 else {}),
-                **({"frame_id": file.frame_id} if file.frame_id else {}),
-            }
-            for file in report.files
-        ],
-        "left_out": [*report.left_out],
-        **({"receipt": report.receipt} if report.receipt else {}),
-    }
+    files = [{name: value for name, value in asdict(file).items() if value != ""} for file in report.files]
+    counts = {"expected": len(report.files), "received": report.received, "sent": report.sent}
+    lists = {"outcomes": report.outcomes, "files": files, "left_out": report.left_out}
+    written = {"receipt": report.receipt} if report.receipt else {}
+    return {"campaign_id": report.campaign_id, **counts, **lists, **written}

@@ -1,7 +1,4 @@
-"""The campaign.toml that `stilb campaign init` writes, made from the methods as the service describes them.
-
-`methods.json` is the answer of `GET /v1/methods`, written by `make tables`.
-"""
+"""The campaign.toml that `stilb campaign init` writes, from methods.json: what `GET /v1/methods` answers."""
 
 import json
 import textwrap
@@ -110,10 +107,7 @@ def write_template(
     night: bool = False,
     light: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return the text; ``said``: make, model, serial, method, project_number, each "" if it is not known.
-
-    ``night``: of a campaign of measurements; ``light``: what the campaign states of its lamps.
-    """
+    """Return the text; ``said``: make, model, serial, method, project_number, "" where not known."""
     method, mark = read_methods()[said["method"]], "" if has_readings else "# "
     readings = f'{mark}[readings]\n{mark}file = "readings.csv"'
     return _TEXT.format(

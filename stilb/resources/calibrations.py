@@ -54,10 +54,7 @@ class Calibrations(campaigns.Campaigns, frames.Jobs):
     def validity(
         self, camera_id: str, *, method: str, known_at: Moment | None = None
     ) -> list[dict[str, Any]]:
-        """Return a camera's published versions with the times for which they were in force, newest first.
-
-        As known at ``known_at`` (now).
-        """
+        """Return published versions with their times in force as known at ``known_at``, newest first."""
         query = {"method": method, "known_at": as_text(known_at)}
         return list(self._get(address("cameras", camera_id, "validity"), query)["items"])
 

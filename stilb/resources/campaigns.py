@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Unpack
 
 from stilb import records
-from stilb.problem import Problem, Unclear, missing
+from stilb.problem import Problem, only
 from stilb.transport import Call, Connection, address
 
 _POLL_S = 0.5
@@ -59,11 +59,6 @@ class Campaigns(Connection):
                 raise TimeoutError(f"{left} frames of {campaign_id} are not read after {timeout_s:g} s")
             time.sleep(_POLL_S)
 
-    def campaign_events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
-        """Yield ``id`` and ``revision`` of a campaign, as it is and after each change, without an end."""
-        for _, data in self._transport.events(f"{address('campaigns', campaign_id)}/events"):
-            yield data
-
     def campaigns(
         self,
         *,
@@ -83,14 +78,12 @@ class Campaigns(Connection):
             if problem.status != 404:
                 raise
         found = list(self.campaigns(project_number=named))
-        if len(found) > 1:
-            ids = ", ".join(one.id for one in found)
-            raise Unclear(f"Several campaigns have the project number {named!r}: give the id of one: {ids}.")
-        if not found:
-            raise missing(
-                f"No campaign has the id or the project number {named!r}. `stilb campaign list` shows them."
-            )
-        return found[0]
+        ids = ", ".join(one.id for one in found)
+        return only(
+            found,
+            several=f"Several campaigns have the project number {named!r}: give the id of one: {ids}.",
+            none=f"No campaign has the id or the project number {named!r}. `stilb campaign list` shows them.",
+        )
 
     def set_roi(
         self,

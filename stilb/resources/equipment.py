@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from stilb.problem import Problem, Unclear, missing
+from stilb.problem import Problem, only
 from stilb.records import Camera, Meter, Panel, PanelBand, Rig
 from stilb.transport import Connection, PathLike, address, without_none
 
@@ -35,11 +35,11 @@ class Equipment(Connection):
                 raise
         every = list(self.cameras())
         found = [one for one in every if named in {one.serial, f"{one.make} {one.model} {one.serial}"}]
-        if len(found) > 1:
-            raise Unclear(f"Several cameras are named {named!r}: {_names(found)}. Give the id of one.")
-        if not found:
-            raise missing(f"No camera is named {named!r}. Registered: {_names(every) or 'none yet'}.")
-        return found[0]
+        return only(
+            found,
+            several=f"Several cameras are named {named!r}: {_names(found)}. Give the id of one.",
+            none=f"No camera is named {named!r}. Registered: {_names(every) or 'none yet'}.",
+        )
 
     def create_meter(
         self, kind: str, make: str, model: str, serial: str, *, certificate: dict[str, Any] | None = None
@@ -77,11 +77,9 @@ class Rigs(Equipment):
     def find_rig(self, named: str) -> Rig:
         """The rig with this id or name."""
         every = [Rig.of(row) for row in self._items(address("rigs"))]
-        found = next((one for one in every if named in {one.id, one.name}), None)
-        if found is None:
-            names = ", ".join(one.name for one in every)
-            raise missing(f"No rig is named {named!r}. Registered: {names or 'none yet'}.")
-        return found
+        names = ", ".join(one.name for one in every) or "none yet"
+        found = [one for one in every if named in {one.id, one.name}][:1]
+        return only(found, several="", none=f"No rig is named {named!r}. Registered: {names}.")
 
     def rig_orientation(
         self, rig_id: str, *, tolerance_deg: float | None = None, tolerance_m: float | None = None

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 
 from stilb import records
-from stilb.problem import Problem, Unclear, missing
+from stilb.problem import Problem, only
 from stilb.transport import Call, Connection, Transport, address
 
 _SAMPLE = re.compile(r'^(?P<name>\w+)(?:\{\w+="(?P<label>[^"]*)"\})? (?P<value>\S+)$', re.MULTILINE)
@@ -148,11 +148,8 @@ class Organisation(Connection):
         found = [
             key.id for key in self.api_keys() if named == key.id or (named == key.name and not key.ended)
         ]
-        if len(found) > 1:
-            raise Unclear(f"Several keys are named {named!r}: {', '.join(found)}. Give the id of one.")
-        if not found:
-            raise missing(f"No key in force is named {named!r}.")
-        return found[0]
+        several = f"Several keys are named {named!r}: {', '.join(found)}. Give the id of one."
+        return only(found, several=several, none=f"No key in force is named {named!r}.")
 
 
 class System(Connection):

@@ -17,8 +17,10 @@ from radiometry.specification.application import FoundBy
 from store import tables
 from store.codec import decode, drop_absent, encode
 from store.queries import calibrations, organisations
+from store.queries.campaigns import COLUMNS
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
 from store.queries.frames import statistics_of
+from store.tables import Json
 
 
 class MeterAsUsed(Record):
@@ -139,20 +141,11 @@ def _meters_used(
 
 def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str, FrameAsUsed]:
     used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
-    header = tables.FrameRow.header
+    named = ("id", "found", "preview_sha256", "taken_at", "width_px", "height_px")
     rows = session.execute(
         select(
-            *(
-                tables.FrameRow.id,
-                tables.FrameRow.sha256,
-                tables.FrameRow.warnings,
-                tables.FrameRow.found,
-                tables.FrameRow.preview_sha256,
-            ),
-            header["taken_at"].as_string().label("taken_at"),
-            header["width_px"].as_integer().label("width_px"),
-            header["height_px"].as_integer().label("height_px"),
-            tables.Blob.size_bytes,
+            *(COLUMNS[name].label(name) for name in named),
+            *(tables.FrameRow.sha256, tables.FrameRow.warnings, tables.Blob.size_bytes),
             tables.Extraction.id.label("extraction_id"),
             *(tables.Roi.id.label("roi_id"), tables.Roi.sha256.label("roi_sha256")),
         )
@@ -180,8 +173,6 @@ def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str,
         for found in (row.found or {},)
     }
 
-
-Json = dict[str, Any]
 
 _COVERAGE_FACTOR = 2.0
 """Of a figure whose method states none: about 95 % of a normal distribution."""

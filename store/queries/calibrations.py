@@ -229,11 +229,7 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
 
 
 def suggest_validity(session: Session, calibration: Calibration) -> tuple[datetime, datetime | None]:
-    """Return when a version may be in force, so that what was taken with its campaign is measured with it.
-
-    A version of one flight ends with the last day of its frames, in UTC; any other is in force until it is
-    replaced.
-    """
+    """Return when a version may be in force: of one flight until its frames' last day ends, in UTC."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     zones = read_zones(session, campaign)
     read = (FrameRow.campaign_id == campaign.id) & FrameRow.header.is_not(None)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Text, cast, func, select
+from sqlalchemy import ColumnElement, Text, cast, func, select
 from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
@@ -111,27 +111,27 @@ def hash_state(session: Session, campaign: Campaign) -> str:
     started, ended = (at.isoformat() if at else None for at in (campaign.started_at, campaign.ended_at))
     # of what is not stated nothing is signed: a hash from before there was such a field stays what it is
     stated = {name: value for name, value in (("ended_at", ended), ("lens", campaign.lens)) if value}
-    frames = select(
-        FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id, cast(FrameRow.left_out, Text)
-    )
-    readings = select(Reading.scene, Reading.quantity, Reading.value, Reading.meter_id).where(
-        Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)
-    )
-    ticks = select(ChecklistTick.key, ChecklistTick.done_by.is_not(None), ChecklistTick.note)
+    frames, readings = FrameRow.campaign_id == campaign.id, _is_valid(campaign)
     parts = (
-        frames.where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None)).order_by(
-            FrameRow.sha256
-        ),
-        readings.where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)).order_by(
-            Reading.id
-        ),
-        ticks.where(ChecklistTick.campaign_id == campaign.id).order_by(ChecklistTick.key),
+        select(FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id, cast(FrameRow.left_out, Text))
+        .where(frames, FrameRow.withdrawn_at.is_(None))
+        .order_by(FrameRow.sha256),
+        select(Reading.scene, Reading.quantity, Reading.value, Reading.meter_id)
+        .where(readings)
+        .order_by(Reading.id),
+        select(ChecklistTick.key, ChecklistTick.done_by.is_not(None), ChecklistTick.note)
+        .where(ChecklistTick.campaign_id == campaign.id)
+        .order_by(ChecklistTick.key),
     )
     # a column of JSON knows two kinds of nothing
     rows = [[[None if v == "null" else v for v in row] for row in session.execute(part)] for part in parts]
     return hashlib.sha256(
         json.dumps([details, started, *rows, *([stated] if stated else [])]).encode()
     ).hexdigest()
+
+
+def _is_valid(campaign: Campaign) -> ColumnElement[bool]:
+    return (Reading.campaign_id == campaign.id) & Reading.withdrawn_at.is_(None)
 
 
 _SIGNED_DETAILS = (
@@ -243,20 +243,12 @@ def _iso_facts(version: Calibration, coefficient: Mapping[str, Any]) -> IsoFacts
 
 def _times(session: Session, campaign: Campaign) -> dict[str, datetime]:
     """Since when each part of the record is as it is; by an item's key where the audit trail knows that."""
-    frames = select(FrameRow.id).where(FrameRow.campaign_id == campaign.id)
-    version = _newest_version(session, campaign)
+    frames, version = FrameRow.campaign_id == campaign.id, _newest_version(session, campaign)
+    extractions = Extraction.frame_id.in_(select(FrameRow.id).where(frames))
     newest = {
-        "frames": session.scalar(
-            select(func.max(FrameRow.created_at)).where(FrameRow.campaign_id == campaign.id)
-        ),
-        "readings": session.scalar(
-            select(func.max(Reading.created_at)).where(
-                Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)
-            )
-        ),
-        "statistics": session.scalar(
-            select(func.max(Extraction.created_at)).where(Extraction.frame_id.in_(frames))
-        ),
+        "frames": session.scalar(select(func.max(FrameRow.created_at)).where(frames)),
+        "readings": session.scalar(select(func.max(Reading.created_at)).where(_is_valid(campaign))),
+        "statistics": session.scalar(select(func.max(Extraction.created_at)).where(extractions)),
         "version": version.created_at if version else None,
         **_last_changes(session, campaign),
     }

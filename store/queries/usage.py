@@ -77,11 +77,7 @@ def charge(
     had_room: bool,
     jobs: int,
 ) -> None:
-    """Count the frames and jobs that a transaction has added, or raise QuotaExceeded.
-
-    It is called last, because the counts stay locked until the commit. ``had_room`` : all of the frames have
-    it since their uploads began
-    """
+    """Count, as the last step before the commit, the frames and jobs that it adds, or raise QuotaExceeded."""
     frames, size_bytes = len(sizes_bytes), sum(sizes_bytes)
     session.flush()
     row = session.execute(

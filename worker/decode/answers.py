@@ -1,7 +1,4 @@
-"""Answers of a decoder, which are checked as a stranger's are.
-
-Not for the zygote to import: what it has loaded is copied with each cell.
-"""
+"""Answers of a decoder, checked as a stranger's; not for the zygote, whose modules each cell copies."""
 
 import math
 from collections.abc import Iterator

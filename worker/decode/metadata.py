@@ -320,11 +320,7 @@ class _Tags:
 
 
 def read_metadata(main: tiff.Directory) -> dict[str, Any]:
-    """Return the fields of FrameHeader that the tags and the packet state.
-
-    There is no sensor temperature: neither EXIF nor DNG has a tag for it (AmbientTemperature is the air's),
-    and maker notes are not read.
-    """
+    """Return the fields of FrameHeader that tags and packet state: no tag has the sensor's temperature."""
     found, xmp = _Tags(main), Xmp(read_xmp(main))
     exposure_time_s, f_number = found.number(tags.EXPOSURE_TIME), found.number(tags.F_NUMBER)
     # above the take-off point, by the barometer of a DJI aircraft
@@ -368,10 +364,7 @@ def _clean(raw: bytes) -> str | None:
 
 
 def _from_apex(exponents: list[float], factor: float, nominal: float | None) -> float | None:
-    """2**(factor * APEX value); beyond 2**64 it is no exposure of this world.
-
-    A writer that knows nothing fills both tags with zeros, and an APEX value of zero would become 1 s or f/1.
-    """
+    """2**(factor * APEX value); none beyond 2**64, nor of the zeros of a writer that knows nothing."""
     if not exponents or abs(exponents[0]) > 64 or (exponents[0] == nominal == 0):
         return None
     return math.exp2(factor * exponents[0])

@@ -42,10 +42,7 @@ def open_packet(main: tiff.Directory, *, bits: int) -> Packet | None:
 
 
 def describe_band(packet: Packet, *, sensor_bits: int) -> dict[str, Any]:
-    """The fields of a band that all makers write alike.
-
-    ``sensor_bits`` : at the upper end of sixteen, so that a saturated sample is below 65535.
-    """
+    """The fields that all makers write alike; ``sensor_bits`` are at the upper end of sixteen."""
     xmp, band = packet.xmp, name_band(packet.band_name)
     wavelength_nm, width_nm = xmp.number("camera:CentralWavelength"), xmp.number("camera:WavelengthFWHM")
     unused = _CONTAINER_BITS - sensor_bits

@@ -16,10 +16,7 @@ from worker.decode.layout import Layout
 
 
 def unpack_rows(packed: NDArray[np.uint8], *, bits: int, first: int, count: int) -> NDArray[np.uint16]:
-    """Samples [first, first + count) of every row.
-
-    packed : (row, byte) uint8, each row starting with sample 0 on a byte of its own
-    """
+    """Samples [first, first + count) of every row (row, byte), each of which begins on a byte of its own."""
     period = 8 // math.gcd(8, bits)  # samples after which the pattern of bytes repeats
     period_bytes = period * bits // 8
     start = first // period
@@ -55,10 +52,7 @@ _MOST_PADDING_BITS: Final = 15
 
 
 def expand(data: bytes, compression: int, *, wanted: int, most: int) -> tuple[NDArray[np.uint8], int]:
-    """Decompress a piece, and count the bytes that it took.
-
-    ``wanted`` : bytes that are returned; ``most`` : bytes that it may hold, however much it would expand to
-    """
+    """Decompress a piece of ``most`` bytes at most; return those ``wanted``, and how many it took."""
     try:
         if compression in (tags.DEFLATE, tags.DEFLATE_OLD):
             plain, took = _inflate(data, most)
@@ -130,10 +124,7 @@ def read_samples(
     width: int,
     consumed: dict[int, int] | None = None,
 ) -> NDArray[np.uint16]:
-    """A window of the whole frame as (row, col, sample), before linearisation.
-
-    ``consumed`` : receives the bytes that each compressed piece took up to its end, by its index
-    """
+    """A window (row, col, sample), before linearisation; ``consumed`` receives what each piece took."""
     out = np.empty((height, width, layout.samples), np.uint16)
     parts = list(_cut_window(layout, row0, col0, height, width))
     if layout.compression == tags.UNCOMPRESSED:

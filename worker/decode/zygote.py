@@ -84,10 +84,7 @@ TALK: Final = 0
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """Resources that the zygote has prepared for all of its cells.
-
-    ``address_space`` : of a process without a file, in bytes; ``first_file``, ``first_stream`` : of our own
-    """
+    """Resources of all cells; ``address_space`` is that of a process without a file [bytes]."""
 
     restrictions: Restrictions
     bounds: limits.DecoderLimits

@@ -31,10 +31,7 @@ def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
 
 
 class StripReader:
-    """Reader of any rows of a frame, as long as they are asked for from the top downwards.
-
-    The next two strips are read meanwhile, by one process: starting another takes longer than it saves.
-    """
+    """Reader of rows from the top downwards; one process reads the next two strips meanwhile."""
 
     def __init__(self, decoders: DecoderPool, file: Readable, header: FrameHeader) -> None:
         self._decoders = decoders

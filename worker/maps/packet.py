@@ -31,10 +31,7 @@ _RTK_FLAGS: Final = {"none": 0, "single": 16, "float": 34, "fixed": 50}
 
 
 def write_packet(header: FrameHeader, bands: Sequence[multispectral.Multispectral] = ()) -> bytes:
-    """Return the packet of a map, in the words of the camera's own files.
-
-    ``bands`` : of a map that shows them, all as the first one's lens draws it. Empty where nothing is known.
-    """
+    """Return the packet in the words of the camera's own files; empty where nothing is known."""
     said: dict[str, Value] = {angle.name: angle.value for angle in header.attitude}
     if header.position_fix is not None:
         said |= _describe_fix(header.position_fix)

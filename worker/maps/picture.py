@@ -84,11 +84,7 @@ class Part:
 
 
 class Reduction:
-    """Means over squares of a map, gathered band by band; a square with an unknown pixel is unknown.
-
-    ``counts`` : whether the pixels that leave [0, 1] or are unknown are counted
-    What is left at the right and the lower border, less than a square, is not shown.
-    """
+    """Means over whole squares of a map, band by band; a square with an unknown pixel is unknown."""
 
     def __init__(self, height_px: int, width_px: int, *, counts: bool = True) -> None:
         self.factor = find_step(width_px)
