@@ -248,37 +248,35 @@ def get_impact(
     calibration_id: lookup.Id,
     caller: auth.Reader,
     context: UsesContext,
+    session: Session,
     at: Annotated[Instant | None, Query(description="Compared with what is in force then; now.")] = None,
 ) -> Response:
     """Compare a version with the one in force: coefficients, flags, measurements."""
     instant = at or utc_now()
-    with context.database.reading() as session:
-        calibration = lookup.owned(session, Calibration, calibration_id, caller)
-        against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
-        if against is None:
-            said = f"Nothing is in force then: {own} would be the first for that time."
-        elif against.calibration.id == calibration.id:
-            said = f"{own.capitalize()} itself is in force then: publishing it changes nothing there."
-        else:
-            said = (
-                f"Version {against.calibration.version} is in force then: "
-                f"publishing {own} would take its place."
-            )
-        found = assess(session, calibration, against) if against else None
-        record = gather(context, session, calibration)
-        publication = schemas.NewPublication(valid_from=instant, reason=said)
-        answer = ImpactAnswer.of(calibration, instant, said, found)
-        answer.warnings = build_issued(session, record, caller, publication).gaps
+    calibration = lookup.owned(session, Calibration, calibration_id, caller)
+    against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
+    if against is None:
+        said = f"Nothing is in force then: {own} would be the first for that time."
+    elif against.calibration.id == calibration.id:
+        said = f"{own.capitalize()} itself is in force then: publishing it changes nothing there."
+    else:
+        said = (
+            f"Version {against.calibration.version} is in force then: publishing {own} would take its place."
+        )
+    found = assess(session, calibration, against) if against else None
+    record = gather(context, session, calibration)
+    publication = schemas.NewPublication(valid_from=instant, reason=said)
+    answer = ImpactAnswer.of(calibration, instant, said, found)
+    answer.warnings = build_issued(session, record, caller, publication).gaps
     return answer.respond()
 
 
 @router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer)
-def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """List who made, published and revoked which version, when and why; newest first, all at once."""
-    with context.database.reading() as session:
-        lookup.owned(session, Camera, camera_id, caller)
-        found = list_decisions(session, camera_id)
-        names = name_people(session, caller.organisation_id)
+    lookup.owned(session, Camera, camera_id, caller)
+    found = list_decisions(session, camera_id)
+    names = name_people(session, caller.organisation_id)
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
 
 
@@ -286,7 +284,7 @@ def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, context: Us
 def get_camera_validity(
     camera_id: lookup.Id,
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     method: Annotated[Method, Query()],
     known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
 ) -> Response:
@@ -296,10 +294,9 @@ def get_camera_validity(
     at once, newest first.
     """
     known = known_at or utc_now()
-    with context.database.reading() as session:
-        lookup.owned(session, Camera, camera_id, caller)
-        found = list_lifetimes(session, camera_id, method, known)
-        names = name_people(session, caller.organisation_id)
+    lookup.owned(session, Camera, camera_id, caller)
+    found = list_lifetimes(session, camera_id, method, known)
+    names = name_people(session, caller.organisation_id)
     return schemas.ValidityAnswer(
         known_at=known, items=[schemas.LifetimeAnswer.of(row, names) for row in found]
     ).respond()
@@ -309,48 +306,36 @@ recalls_router = operations.Router(prefix="/v1/recalls", tags=["recalls"])
 
 
 @recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=answers.problems(404))
-def propose_recall(body: NewPurge, caller: auth.Publisher, writing: changes.Writes) -> Response:
+def propose_recall(body: NewPurge, caller: auth.Publisher, session: Session) -> changes.Reply:
     """Find every version made with a cause, for review. Nothing is revoked yet."""
-
-    def change(session: Session) -> changes.Reply:
-        if body.cause.meter_id is not None:
-            lookup.owned(session, Meter, body.cause.meter_id, caller)
-        recall = recalls.propose(
-            session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
-        )
-        location = {"Location": f"/v1/recalls/{recall.id}"}
-        return changes.Reply(status=201, body=_whole(session, recall), headers=location)
-
-    return writing.run(caller, change)
+    if body.cause.meter_id is not None:
+        lookup.owned(session, Meter, body.cause.meter_id, caller)
+    recall = recalls.propose(
+        session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
+    )
+    location = {"Location": f"/v1/recalls/{recall.id}"}
+    return changes.Reply(status=201, body=_whole(session, recall), headers=location)
 
 
 @recalls_router.get("", response_model=Page[PurgeAnswer])
-def list_recalls(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
+def list_recalls(paging: UsesPaging, caller: auth.Reader, session: Session) -> Response:
     """List the recalls of your organisation, newest first."""
     rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return paging.send(
-            session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True
-        )
+    return paging.send(session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True)
 
 
 @recalls_router.get("/{recall_id}", response_model=PurgeAnswer)
-def get_recall(recall_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_recall(recall_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """Return a recall with the current status of its versions, and the measurements that they affect."""
-    with context.database.reading() as session:
-        return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
+    return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
 
 
 @recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=answers.problems(409))
-def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, writing: changes.Writes) -> Response:
+def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, session: Session) -> changes.Reply:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
-
-    def change(session: Session) -> changes.Reply:
-        recall = lookup.owned(session, Recall, recall_id, caller)
-        recalls.confirm(session, recall, by=caller.key_id)
-        return changes.Reply(status=200, body=_whole(session, recall))
-
-    return writing.run(caller, change)
+    recall = lookup.owned(session, Recall, recall_id, caller)
+    recalls.confirm(session, recall, by=caller.key_id)
+    return changes.Reply(status=200, body=_whole(session, recall))
 
 
 def _whole(session: Session, recall: Recall) -> PurgeAnswer:

@@ -17,7 +17,7 @@ from service.frames import pictures, routes
 from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
 from service.http import auth, connections, models, operations, paging
 from service.http.answers import not_modified, problems, sends, standing_headers
-from service.http.changes import Reply, Writes
+from service.http.changes import Reply
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
 from service.http.problems import Problem, wrong
@@ -144,27 +144,23 @@ def get_campaign_grid(
 
 
 @router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
-def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, writing: Writes) -> Response:
+def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, session: Session) -> Reply:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
 
     With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
     how the frame is now.
     """
-
-    def change(session: Session) -> Reply:
-        owned(session, Campaign, campaign_id, caller)
-        ids = sorted(set(body.frame_ids))
-        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
-        frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
-        if unknown := set(ids) - {frame.id for frame in frames}:
-            raise wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")
-        if body.expected:
-            _require_unchanged(session, frames, body.expected)
-        jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
-        session.flush()
-        return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
-
-    return writing.run(caller, change)
+    owned(session, Campaign, campaign_id, caller)
+    ids = sorted(set(body.frame_ids))
+    chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
+    frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
+    if unknown := set(ids) - {frame.id for frame in frames}:
+        raise wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")
+    if body.expected:
+        _require_unchanged(session, frames, body.expected)
+    jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
+    session.flush()
+    return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
 
 
 def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: ExpectedFrame) -> None:

@@ -9,6 +9,7 @@ from fastapi import Depends, Query, Response
 from pydantic import Field, StringConstraints
 from sqlalchemy import Row, select
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.http import answers, auth, changes, lookup, operations, problems, signatures
@@ -243,12 +244,11 @@ def get_receipt(
 
 
 @keys_router.get("/signing-keys", response_model=SigningKeys, responses=answers.problems(503))
-def list_signing_keys(context: UsesContext) -> Response:
+def list_signing_keys(context: UsesContext, session: Session) -> Response:
     """The public keys that receipts were ever signed with, newest first. No key is needed."""
     context.signer.enrol()
-    with context.database.reading() as session:
-        rows = session.scalars(select(SigningKey).order_by(SigningKey.created_at.desc(), SigningKey.id))
-        return SigningKeys(items=[SigningKeyAnswer.restate(row) for row in rows]).respond()
+    rows = session.scalars(select(SigningKey).order_by(SigningKey.created_at.desc(), SigningKey.id))
+    return SigningKeys(items=[SigningKeyAnswer.restate(row) for row in rows]).respond()
 
 
 def _compare(context: Context, manifest: Manifest) -> tuple[list[MissingFile], Mapping[str, Row[Any]]]:

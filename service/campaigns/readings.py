@@ -11,7 +11,6 @@ from radiometry.findings import interface
 from service.campaigns.schemas import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.http import auth, changes, lookup, models, operations, tables
 from service.http.answers import problems
-from service.http.context import UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, not_found, wrong
 from store.queries import audit, campaigns
@@ -72,73 +71,61 @@ def add_campaign_readings(
     campaign_id: lookup.Id,
     body: Annotated[list[NewReading] | NewReading, Depends(_body)],
     caller: auth.Calibrator,
-    writing: changes.Writes,
+    session: Session,
     meter_id: MeterIds = None,
-) -> Response:
+) -> changes.Reply:
     """Record what the meter said of a scene; values are kept as entered and in SI.
 
     A reading that `replaces` another one takes its place, and the other stays in the record, withdrawn.
     """
     forms = [body] if isinstance(body, NewReading) else body
 
-    def change(session: Session) -> changes.Reply:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
-        for named in {form.meter_id for form in forms if form.meter_id}:
-            lookup.owned(session, Meter, named, caller)
-        meters = [lookup.owned(session, Meter, each, caller) for each in meter_id or ()]
-        # a meter's kind is the quantity that it reads; which of two was read could not be known
-        usual = {meter.kind: meter.id for meter in meters}
-        if len(usual) < len(meters):
-            raise wrong("query.meter_id", "names two meters of one kind; name the meter in each reading")
-        now = utc_now()
-        replaced = _find_replaced(session, campaign, forms, caller)
-        columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
-        rows = campaigns.add_readings(session, campaign, [{"created_at": now} | each for each in columns])
-        for reading in replaced:
-            reading.withdrawn_at = now
-        session.flush()
-        answers = [ReadingAnswer.of(row) for row in rows]
-        one = isinstance(body, NewReading)
-        return changes.Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
-
-    return writing.run(caller, change)
+    campaign = lookup.owned(session, Campaign, campaign_id, caller)
+    for named in {form.meter_id for form in forms if form.meter_id}:
+        lookup.owned(session, Meter, named, caller)
+    meters = [lookup.owned(session, Meter, each, caller) for each in meter_id or ()]
+    # a meter's kind is the quantity that it reads; which of two was read could not be known
+    usual = {meter.kind: meter.id for meter in meters}
+    if len(usual) < len(meters):
+        raise wrong("query.meter_id", "names two meters of one kind; name the meter in each reading")
+    now = utc_now()
+    replaced = _find_replaced(session, campaign, forms, caller)
+    columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
+    rows = campaigns.add_readings(session, campaign, [{"created_at": now} | each for each in columns])
+    for reading in replaced:
+        reading.withdrawn_at = now
+    session.flush()
+    answers = [ReadingAnswer.of(row) for row in rows]
+    one = isinstance(body, NewReading)
+    return changes.Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
 
 
 @router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer])
 def list_readings(
-    campaign_id: lookup.Id, paging: UsesPaging, caller: auth.Reader, context: UsesContext
+    campaign_id: lookup.Id, paging: UsesPaging, caller: auth.Reader, session: Session
 ) -> Response:
     """A campaign's readings, withdrawn ones too, oldest first."""
     rows = select(Reading).where(Reading.campaign_id == campaign_id)
-    with context.database.reading() as session:
-        lookup.owned(session, Campaign, campaign_id, caller)
-        return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
+    lookup.owned(session, Campaign, campaign_id, caller)
+    return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
 
 
 @router.delete("/readings/{reading_id}", response_model=ReadingAnswer)
-def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
-
-    def change(session: Session) -> changes.Reply:
-        reading = lookup.owned(session, Reading, reading_id, caller)
-        reading.withdrawn_at = reading.withdrawn_at or utc_now()
-        session.flush()
-        return changes.Reply(status=200, body=ReadingAnswer.of(reading))
-
-    return writing.run(caller, change)
+    reading = lookup.owned(session, Reading, reading_id, caller)
+    reading.withdrawn_at = reading.withdrawn_at or utc_now()
+    session.flush()
+    return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
 
 @router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer)
-def restore_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def restore_reading(reading_id: lookup.Id, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Undo the withdrawal of a reading."""
-
-    def change(session: Session) -> changes.Reply:
-        reading = lookup.owned(session, Reading, reading_id, caller)
-        reading.withdrawn_at = None
-        session.flush()
-        return changes.Reply(status=200, body=ReadingAnswer.of(reading))
-
-    return writing.run(caller, change)
+    reading = lookup.owned(session, Reading, reading_id, caller)
+    reading.withdrawn_at = None
+    session.flush()
+    return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
 
 def _find_replaced(

@@ -105,27 +105,23 @@ router = operations.Router(prefix="/v1/campaigns", tags=["campaigns"])
 
 
 @router.post("", status_code=201, response_model=schemas.CampaignAnswer, responses=answers.problems(404))
-def create_campaign(body: schemas.NewCampaign, caller: Calibrator, writing: Writes) -> Response:
+def create_campaign(body: schemas.NewCampaign, caller: Calibrator, session: Session) -> Reply:
     """Begin a campaign: one camera, one method, and a set of readings or a night of measurements."""
-
-    def change(session: Session) -> Reply:
-        owned(session, Camera, body.camera_id, caller)
-        if body.panel_id is not None:
-            owned(session, Panel, body.panel_id, caller)
-        _check_stated(body.method, body)
-        kind = body.kind or "calibration"
-        if kind == "measurement":
-            _require_measurable(body.method)
-        values = body.model_dump(exclude={"panel_serial"}) | {"kind": kind}
-        values["target"] = _read_target(body.method, body.target)
-        campaign = Campaign(organisation_id=caller.organisation_id, **values)
-        _require_order(campaign)
-        _choose_panel(session, campaign, body.panel_serial, offer=None)
-        session.add(campaign)
-        session.flush()
-        return Reply(status=201, body=schemas.CampaignAnswer.restate(campaign))
-
-    return writing.run(caller, change)
+    owned(session, Camera, body.camera_id, caller)
+    if body.panel_id is not None:
+        owned(session, Panel, body.panel_id, caller)
+    _check_stated(body.method, body)
+    kind = body.kind or "calibration"
+    if kind == "measurement":
+        _require_measurable(body.method)
+    values = body.model_dump(exclude={"panel_serial"}) | {"kind": kind}
+    values["target"] = _read_target(body.method, body.target)
+    campaign = Campaign(organisation_id=caller.organisation_id, **values)
+    _require_order(campaign)
+    _choose_panel(session, campaign, body.panel_serial, offer=None)
+    session.add(campaign)
+    session.flush()
+    return Reply(status=201, body=schemas.CampaignAnswer.restate(campaign))
 
 
 class CampaignListing(paging.Listing):
@@ -150,46 +146,41 @@ def list_campaigns(
 
 
 @router.get("/{campaign_id}", response_model=schemas.CampaignAnswer)
-def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
-    with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
+    campaign = owned(session, Campaign, campaign_id, caller)
+    return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
 @router.patch("/{campaign_id}", response_model=schemas.CampaignAnswer, responses=answers.problems(409))
 def change_campaign(
-    campaign_id: Id, body: schemas.CampaignChange, caller: Calibrator, writing: Writes
-) -> Response:
+    campaign_id: Id, body: schemas.CampaignChange, caller: Calibrator, session: Session
+) -> Reply:
     """Correct what is written on a campaign."""
-
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        if body.panel_id is not None:
-            owned(session, Panel, body.panel_id, caller)
-        _check_stated(campaign.method, body)
-        if body.kind == "measurement" and not campaign.measures:
-            _require_no_calibration(session, campaign)
-        values = body.model_dump(exclude_unset=True, exclude={"panel_serial", "archived"})
-        values = {name: None if value == "" else value for name, value in values.items()}
-        jobs = []
-        if body.archived is not None:
-            campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
-        if body.camera_id is not None and body.camera_id != campaign.camera_id:
-            owned(session, Camera, body.camera_id, caller)
-            jobs = campaigns.check_again(session, campaign, by=caller.key_id)
-        if body.target is not None:
-            values["target"] = _read_target(campaign.method, body.target)
-            jobs = campaigns.renew_extractions(session, campaign, by=caller.key_id)
-        for name, value in values.items():
-            setattr(campaign, name, value)
-        _require_order(campaign)
-        if body.panel_serial is not None:
-            _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
-        session.flush()
-        return Reply(status=200, body=_whole(session, campaign, reviews.assess(session, campaign)), jobs=jobs)
-
-    return writing.run(caller, change)
+    campaign = owned(session, Campaign, campaign_id, caller)
+    if body.panel_id is not None:
+        owned(session, Panel, body.panel_id, caller)
+    _check_stated(campaign.method, body)
+    if body.kind == "measurement" and not campaign.measures:
+        _require_no_calibration(session, campaign)
+    values = body.model_dump(exclude_unset=True, exclude={"panel_serial", "archived"})
+    values = {name: None if value == "" else value for name, value in values.items()}
+    jobs = []
+    if body.archived is not None:
+        campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
+    if body.camera_id is not None and body.camera_id != campaign.camera_id:
+        owned(session, Camera, body.camera_id, caller)
+        jobs = campaigns.check_again(session, campaign, by=caller.key_id)
+    if body.target is not None:
+        values["target"] = _read_target(campaign.method, body.target)
+        jobs = campaigns.renew_extractions(session, campaign, by=caller.key_id)
+    for name, value in values.items():
+        setattr(campaign, name, value)
+    _require_order(campaign)
+    if body.panel_serial is not None:
+        _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
+    session.flush()
+    return Reply(status=200, body=_whole(session, campaign, reviews.assess(session, campaign)), jobs=jobs)
 
 
 @router.put("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
@@ -207,13 +198,12 @@ def set_campaign_roi(campaign_id: Id, body: schemas.NewRoi, caller: Calibrator, 
 
 
 @router.get("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
-def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_campaign_roi(campaign_id: Id, caller: Reader, session: Session) -> Response:
     """The region in use."""
-    with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        if campaign.roi_id is None:
-            raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
-        return schemas.RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
+    campaign = owned(session, Campaign, campaign_id, caller)
+    if campaign.roi_id is None:
+        raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
+    return schemas.RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 
 def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, offer: Offer | None) -> None:
@@ -306,14 +296,13 @@ checklist_router = operations.Router(prefix="/v1/campaigns/{campaign_id}/checkli
 
 
 @checklist_router.get("", response_model=ChecklistAnswer, responses=answers.problems(404))
-def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
     """The items of the printed checklist, who ticked each and from what it follows.
 
     Only the luminance procedure has one: of another method's campaign there are no items, and `said` says so.
     """
-    with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
+    campaign = owned(session, Campaign, campaign_id, caller)
+    return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
 
 
 @checklist_router.patch("", response_model=ChecklistAnswer, responses=answers.problems(404, 409))

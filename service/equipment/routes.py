@@ -25,15 +25,12 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 
 
 @router.post("", **answers.makes(schemas.CameraAnswer, "It was registered already."))
-def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a camera body, with the names that it writes into its files."""
     columns = _columns(body)
 
-    def change(session: Session) -> changes.Reply:
-        camera, new = find_or_add_camera(session, caller.organisation_id, columns)
-        return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
-
-    return writing.run(caller, change)
+    camera, new = find_or_add_camera(session, caller.organisation_id, columns)
+    return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 
 
 class CameraListing(paging.Listing):
@@ -51,38 +48,33 @@ def list_cameras(
 
 
 @router.get("/{camera_id}", response_model=schemas.CameraAnswer)
-def get_camera(camera_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_camera(camera_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """One camera."""
-    with context.database.reading() as session:
-        return schemas.CameraAnswer.of(lookup.owned(session, Camera, camera_id, caller)).respond()
+    return schemas.CameraAnswer.of(lookup.owned(session, Camera, camera_id, caller)).respond()
 
 
 @router.patch("/{camera_id}", response_model=schemas.CameraAnswer)
 def change_camera(
-    camera_id: lookup.Id, body: schemas.CameraChange, caller: auth.Calibrator, writing: changes.Writes
-) -> Response:
+    camera_id: lookup.Id, body: schemas.CameraChange, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Correct a camera's names, lens or sensor. With other names its campaigns' frames are checked again."""
-
-    def change(session: Session) -> changes.Reply:
-        camera = lookup.owned(session, Camera, camera_id, caller)
-        before = _names(camera)
-        for name, value in _columns(body).items():
-            setattr(camera, name, None if value == "" else value)
-        jobs = []
-        if _names(camera) != before:
-            names = dict(zip(("make", "model", "serial"), _names(camera), strict=True))
-            own = select(Camera.id).filter_by(organisation_id=caller.organisation_id, **names)
-            with session.no_autoflush:
-                if session.scalar(own.where(Camera.id != camera.id)):
-                    message = "is that of another camera of yours: move the campaign to it"
-                    raise problems.wrong("body.serial", message)
-            mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
-            campaigns = session.scalars(mine.order_by(Campaign.id)).all()
-            jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
-        session.flush()
-        return changes.Reply(status=200, body=schemas.CameraAnswer.of(camera), jobs=jobs)
-
-    return writing.run(caller, change)
+    camera = lookup.owned(session, Camera, camera_id, caller)
+    before = _names(camera)
+    for name, value in _columns(body).items():
+        setattr(camera, name, None if value == "" else value)
+    jobs = []
+    if _names(camera) != before:
+        names = dict(zip(("make", "model", "serial"), _names(camera), strict=True))
+        own = select(Camera.id).filter_by(organisation_id=caller.organisation_id, **names)
+        with session.no_autoflush:
+            if session.scalar(own.where(Camera.id != camera.id)):
+                message = "is that of another camera of yours: move the campaign to it"
+                raise problems.wrong("body.serial", message)
+        mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
+        campaigns = session.scalars(mine.order_by(Campaign.id)).all()
+        jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
+    session.flush()
+    return changes.Reply(status=200, body=schemas.CameraAnswer.of(camera), jobs=jobs)
 
 
 def _columns(body: schemas.NewCamera | schemas.CameraChange) -> dict[str, Any]:
@@ -103,14 +95,10 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
     "",
     **answers.makes(schemas.MeterAnswer, "It was registered already; a certificate sent now is its newest."),
 )
-def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a meter, with its calibration certificate where there is one."""
-
-    def change(session: Session) -> changes.Reply:
-        meter, new = find_or_add_meter(session, caller.organisation_id, body.columns())
-        return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
-
-    return writing.run(caller, change)
+    meter, new = find_or_add_meter(session, caller.organisation_id, body.columns())
+    return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
 
 
 class MeterListing(paging.Listing):
@@ -127,10 +115,9 @@ def list_meters(
 
 
 @meters_router.get("/{meter_id}", response_model=schemas.MeterAnswer)
-def get_meter(meter_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_meter(meter_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """One meter."""
-    with context.database.reading() as session:
-        return schemas.MeterAnswer.of(lookup.owned(session, Meter, meter_id, caller)).respond()
+    return schemas.MeterAnswer.of(lookup.owned(session, Meter, meter_id, caller)).respond()
 
 
 panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
@@ -139,21 +126,17 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
 @panels_router.post(
     "", **answers.makes(schemas.PanelAnswer, "It was registered already, with the same figures.", 409)
 )
-def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
-
-    def change(session: Session) -> changes.Reply:
-        values = body.columns()
-        panel, new = find_or_add_panel(session, caller.organisation_id, values)
-        if panel.bands != values["bands"]:
-            raise problems.Problem(
-                interface.PANEL_DIFFERS,
-                f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
-                "a measurement does not change. Send the day of the new measurement with the new figures.",
-            )
-        return changes.Reply(status=201 if new else 200, body=schemas.PanelAnswer.restate(panel))
-
-    return writing.run(caller, change)
+    values = body.columns()
+    panel, new = find_or_add_panel(session, caller.organisation_id, values)
+    if panel.bands != values["bands"]:
+        raise problems.Problem(
+            interface.PANEL_DIFFERS,
+            f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
+            "a measurement does not change. Send the day of the new measurement with the new figures.",
+        )
+    return changes.Reply(status=201 if new else 200, body=schemas.PanelAnswer.restate(panel))
 
 
 class PanelListing(paging.Listing):
@@ -169,10 +152,9 @@ def list_panels(
 
 
 @panels_router.get("/{panel_id}", response_model=schemas.PanelAnswer)
-def get_panel(panel_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_panel(panel_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """One panel as it was measured on a day."""
-    with context.database.reading() as session:
-        return schemas.PanelAnswer.restate(lookup.owned(session, Panel, panel_id, caller)).respond()
+    return schemas.PanelAnswer.restate(lookup.owned(session, Panel, panel_id, caller)).respond()
 
 
 _PARTS = get_type_hints(fleet.SPEC.result)
@@ -277,24 +259,20 @@ Judging = Annotated[_Judged, Query()]
 @rigs_router.post(
     "", **answers.makes(RigAnswer, "It was registered already, with the same cameras.", 404, 409)
 )
-def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def create_rig(body: NewRig, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register cameras that are mounted together, the reference first."""
-
-    def change(session: Session) -> changes.Reply:
-        cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
-        serials = [camera.serial for camera in cameras]
-        if len(set(serials)) < len(serials):
-            message = "two cameras have one serial number, so that an answer could not tell them apart"
-            raise problems.wrong("body.camera_ids", message)
-        rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
-        if rig.camera_ids != body.camera_ids:
-            raise problems.Problem(
-                interface.RIG_DIFFERS,
-                f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
-            )
-        return changes.Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
-
-    return writing.run(caller, change)
+    cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+    serials = [camera.serial for camera in cameras]
+    if len(set(serials)) < len(serials):
+        message = "two cameras have one serial number, so that an answer could not tell them apart"
+        raise problems.wrong("body.camera_ids", message)
+    rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
+    if rig.camera_ids != body.camera_ids:
+        raise problems.Problem(
+            interface.RIG_DIFFERS,
+            f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
+        )
+    return changes.Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
 
 
 class RigListing(paging.Listing):
@@ -310,10 +288,9 @@ def list_rigs(
 
 
 @rigs_router.get("/{rig_id}", response_model=RigAnswer)
-def get_rig(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_rig(rig_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
     """One rig."""
-    with context.database.reading() as session:
-        return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
+    return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
 
 
 @rigs_router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer)

@@ -21,7 +21,6 @@ from radiometry.tools.motion import (
 from service.campaigns.schemas import Role
 from service.http import lookup, operations, tables
 from service.http.auth import Reader
-from service.http.context import UsesContext
 from service.http.models import Answer, Form, maybe, told
 from service.http.problems import wrong
 from service.tools.routes import KM_H_PER_M_S
@@ -167,21 +166,20 @@ router = operations.Router(prefix="/v1", tags=["tools"])
     responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
 def get_campaign_motion(
-    campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, context: UsesContext
+    campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, session: Session
 ) -> Response:
     """The blur of every frame of a campaign, a row each, from its own attitudes and a speed that is stated.
 
     A frame without attitudes stands there with the reason. The camera is taken as fixed to the aircraft,
     looking down. Without vibration.
     """
-    with context.database.reading() as session:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
-        pitch_um = _find_pitch(session, campaign, optics)
-        frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
-        if optics.role is not None:
-            frames = frames.where(FrameRow.role == optics.role)
-        found = session.scalars(frames.order_by(FrameRow.id))
-        rows = [_describe(frame, optics, pitch_um) for frame in found]
+    campaign = lookup.owned(session, Campaign, campaign_id, caller)
+    pitch_um = _find_pitch(session, campaign, optics)
+    frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+    if optics.role is not None:
+        frames = frames.where(FrameRow.role == optics.role)
+    found = session.scalars(frames.order_by(FrameRow.id))
+    rows = [_describe(frame, optics, pitch_um) for frame in found]
     if optics.format == "csv":
         return Response(tables.write_csv([row.dump() for row in rows], COLUMNS), media_type="text/csv")
     return CampaignMotionAnswer.of(rows, optics, pitch_um).respond()

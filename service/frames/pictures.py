@@ -160,11 +160,10 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes
 
 
 @router.post("/frames/{frame_id}/grid", response_model=GridLook, dependencies=stateless)
-def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, context: UsesContext) -> Response:
+def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, session: Session) -> Response:
     """Preview a grid without measuring it, with the flags that its corners would raise."""
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
-        application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
+    frame = owned(session, FrameRow, frame_id, caller)
+    application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
     if not isinstance(application, SurfaceApplication):
         raise InputRejected(shared.OPTION_NOT_OF_METHOD, "Frames of this method are measured without a grid.")
     grid, lanes = requests.read_grid(body)
@@ -228,7 +227,7 @@ class NewCrop(models.Form):
     "/frames/{frame_id}/crops",
     **answers.makes(JobAnswer, "The picture is there already: the job that drew it.", 409) | QUEUES,
 )
-def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
+def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> changes.Reply:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.
 
     The job's result holds the address of the picture (`picture`, PNG), its place in the frame, the raw values
@@ -237,37 +236,33 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writ
     """
     window = (body.row0_px, body.col0_px, body.height_px, body.width_px)
 
-    def change(session: Session) -> changes.Reply:
-        frame = owned(session, FrameRow, frame_id, caller)
-        header = require_header(frame)
-        if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:
-            raise shared.ROI_OUTSIDE_FRAME.refuse(
-                f"The crop leaves the {header['width_px']} x {header['height_px']} pixels of the image."
-            )
-        if (kept := find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))) is not None:
-            return changes.Reply(status=200, body=JobAnswer.of(kept, frame))
-        job = jobs.enqueue(
-            session,
-            kind="extract",
-            subject_id=frame.id,
-            organisation_id=caller.organisation_id,
-            by=caller.key_id,
-            parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
-            lane=jobs.PREVIEW_LANE,
+    frame = owned(session, FrameRow, frame_id, caller)
+    header = require_header(frame)
+    if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:
+        raise shared.ROI_OUTSIDE_FRAME.refuse(
+            f"The crop leaves the {header['width_px']} x {header['height_px']} pixels of the image."
         )
-        return reply_queued(session, job, frame)
-
-    return writing.run(caller, change)
+    if (kept := find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))) is not None:
+        return changes.Reply(status=200, body=JobAnswer.of(kept, frame))
+    job = jobs.enqueue(
+        session,
+        kind="extract",
+        subject_id=frame.id,
+        organisation_id=caller.organisation_id,
+        by=caller.key_id,
+        parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
+        lane=jobs.PREVIEW_LANE,
+    )
+    return reply_queued(session, job, frame)
 
 
 @router.get("/crops/{crop_id}.png", **answers.sends_file("image/png"))
-def get_crop(crop_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+def get_crop(crop_id: Id, request: Request, caller: Reader, session: Session) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
-    with context.database.reading() as session:
-        found = owned(session, Crop, crop_id, caller)
-        return answers.not_modified(request, crop_id) or Response(
-            found.png, headers=answers.immutable_headers(found.id), media_type="image/png"
-        )
+    found = owned(session, Crop, crop_id, caller)
+    return answers.not_modified(request, crop_id) or Response(
+        found.png, headers=answers.immutable_headers(found.id), media_type="image/png"
+    )
 
 
 log = logging.getLogger(__name__)

@@ -83,6 +83,7 @@ def list_frames(
     paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
+    session: Session,
     *,
     brief: Annotated[bool, Query(description="Without `metadata` and `verdict`: shorter.")] = False,
     withdrawn: Annotated[bool, Query(description="The withdrawn frames instead.")] = False,
@@ -90,40 +91,34 @@ def list_frames(
     """A campaign's frames, oldest first, without those that were withdrawn."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
     rows = rows.where(FrameRow.withdrawn_at.is_not(None) if withdrawn else FrameRow.withdrawn_at.is_(None))
-    with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
-        return paging.send(
-            session,
-            rows,
-            lambda found: (
-                [answer.model_copy(update={"metadata": None}) for answer in answer_frames(session, found, {})]
-                if brief
-                else answer_frames(session, found, _find_verdicts(context, session, found))
-            ),
-        )
+    owned(session, Campaign, campaign_id, caller)
+    return paging.send(
+        session,
+        rows,
+        lambda found: (
+            [answer.model_copy(update={"metadata": None}) for answer in answer_frames(session, found, {})]
+            if brief
+            else answer_frames(session, found, _find_verdicts(context, session, found))
+        ),
+    )
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer)
-def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_frame(frame_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
-        return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
+    frame = owned(session, FrameRow, frame_id, caller)
+    return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(409))
-def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: changes.Writes) -> Response:
+def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, session: Session) -> changes.Reply:
     """Correct what was said of a frame; it is then read again."""
-
-    def change(session: Session) -> changes.Reply:
-        # what two who come at once supply is kept together
-        frame = owned(session, FrameRow, frame_id, caller, for_update=True)
-        jobs = apply_change(session, frame, body, caller)
-        session.flush()
-        campaign = session.get_one(Campaign, frame.campaign_id)
-        return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
-
-    return writing.run(caller, change)
+    # what two who come at once supply is kept together
+    frame = owned(session, FrameRow, frame_id, caller, for_update=True)
+    jobs = apply_change(session, frame, body, caller)
+    session.flush()
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
 
 
 def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
@@ -164,13 +159,12 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: chang
 
 
 @router.get("/frames/{frame_id}/roi", response_model=RoiAnswer)
-def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_frame_roi(frame_id: Id, caller: Reader, session: Session) -> Response:
     """The region that holds for a frame: its own, drawn or found, else its campaign's."""
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
-        if (roi := current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))) is None:
-            raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
-        return RoiAnswer.of(roi).respond()
+    frame = owned(session, FrameRow, frame_id, caller)
+    if (roi := current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))) is None:
+        raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
+    return RoiAnswer.of(roi).respond()
 
 
 @router.get("/frames/{frame_id}/content", **sends_stored_file("application/octet-stream"))

@@ -1,14 +1,16 @@
-"""One request that changes something: one transaction, one audit actor, and its idempotency key.
+"""The session of a request; of one that changes something one transaction, actor and idempotency key.
 
 The commit happens here, before the answer exists: never in a dependency, which would run after it.
 """
 
 import hashlib
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import field
-from typing import Annotated, TypeVar
+from functools import wraps
+from typing import Annotated, Any, TypeVar
 
-from fastapi import Depends, Header, Request
+from fastapi import Depends, Header, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
@@ -163,3 +165,32 @@ async def body_writing(request: Request, writing: Annotated[Writing, Depends(str
 
 Writes = Annotated[Writing, Depends(body_writing)]
 StreamWrites = Annotated[Writing, Depends(stream_writing)]
+
+
+def with_session(endpoint: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a route the `session` it takes: one that reads, or of one that returns a `Reply`, its change's."""
+    stated = inspect.signature(endpoint)
+    if "session" not in stated.parameters:
+        return endpoint
+    changes = stated.return_annotation is Reply
+
+    @wraps(endpoint)
+    def route(given: Any, **asked: Any) -> Response:  # noqa: ANN401  as the route asks for it
+        def act(session: Session) -> Any:  # noqa: ANN401
+            return endpoint(session=session, **asked)
+
+        if changes:
+            return given.run(asked["caller"], act)  # type: ignore[no-any-return]
+        with given.database.reading() as session:
+            return act(session)  # type: ignore[no-any-return]
+
+    given = inspect.Parameter(
+        "given", inspect.Parameter.KEYWORD_ONLY, annotation=Writes if changes else UsesContext
+    )
+    others = [
+        each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, each in stated.parameters.items()
+        if name != "session"
+    ]
+    route.__signature__ = stated.replace(parameters=[*others, given], return_annotation=Response)  # type: ignore[attr-defined]
+    return route

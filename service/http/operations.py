@@ -17,7 +17,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope
 
 from radiometry.findings import interface
-from service.http import answers, auth, problems
+from service.http import answers, auth, changes, problems
 from service.http.context import Context
 
 T = TypeVar("T")
@@ -44,8 +44,10 @@ class Router(APIRouter):
 
 
 class Operation(APIRoute):
-    def __init__(self, *args: Any, **options: Any) -> None:  # noqa: ANN401  the framework's own
-        super().__init__(*args, **options)
+    """A route of ours, which may ask for a `session`."""
+
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:  # noqa: ANN401
+        super().__init__(path, changes.with_session(endpoint), **options)
         if auth.get_caller in list_calls(self.dependant):
             self.responses = answers.with_usual_problems(self.responses, of_one="{" in self.path)
 

@@ -58,7 +58,7 @@ def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> c
 def list_jobs(
     paging: UsesPaging,
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     state: Annotated[JobState | None, Query()] = None,
     kind: Annotated[JobKind | None, Query()] = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
@@ -75,36 +75,33 @@ def list_jobs(
         rows = rows.where(Job.kind == kind)
     if dismissed is not None:
         rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
-    with context.database.reading() as session:
-        if subject is not None:
-            row = lookup.find_owned(
-                session, (FrameRow, Campaign, Calibration, Measurement, Road), subject, caller
-            )
-            mine = Job.subject_id == subject
-            rows = rows.where(select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
-        return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
+    if subject is not None:
+        row = lookup.find_owned(
+            session, (FrameRow, Campaign, Calibration, Measurement, Road), subject, caller
+        )
+        mine = Job.subject_id == subject
+        rows = rows.where(select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
+    return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
 # before the route of one job, whose id it would be taken for
 @router.get("/summary", response_model=schemas.QueueAnswer)
-def get_queue(caller: auth.Reader, context: UsesContext) -> Response:
+def get_queue(caller: auth.Reader, session: Session) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
-    with context.database.reading() as session:
-        return schemas.QueueAnswer.of(
-            summarise_queue(session, caller.organisation_id, get_args(JobState))
-        ).respond()
+    return schemas.QueueAnswer.of(
+        summarise_queue(session, caller.organisation_id, get_args(JobState))
+    ).respond()
 
 
 @router.get("/causes", response_model=schemas.JobCausesAnswer)
-def get_job_causes(caller: auth.Reader, context: UsesContext) -> Response:
+def get_job_causes(caller: auth.Reader, session: Session) -> Response:
     """Why jobs failed or were quarantined, unless they were dismissed; the most frequent cause first.
 
     Of each state the newest 2,000 jobs count. A cause is a state, a kind, an error's code and a campaign, by
     which `POST /v1/jobs/retry` and `POST /v1/jobs/dismiss` choose too.
     """
-    with context.database.reading() as session:
-        causes = list_causes(session, caller.organisation_id)
-        newest = _answers(session, [cause.newest for cause in causes])
+    causes = list_causes(session, caller.organisation_id)
+    newest = _answers(session, [cause.newest for cause in causes])
     items = [
         schemas.JobCauseAnswer(count=cause.count, newest=job)
         for cause, job in zip(causes, newest, strict=True)
@@ -134,59 +131,47 @@ async def get_job(
 
 
 @router.post("/retry", status_code=202, response_model=schemas.RetriedAnswer, responses=problems(404))
-def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, writing: changes.Writes) -> Response:
+def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try all jobs again that failed, or were quarantined, of a kind, by an error's code, of a campaign.
 
     It needs the scopes that starting them needed. Sent twice it finds nothing the second time.
     """
-
-    def change(session: Session) -> changes.Reply:
-        chosen = _choose(session, caller, body)
-        first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
-        if retried := jobs.retry(session, chosen):
-            asked = body.model_dump(exclude_none=True)
-            organisation = session.get_one(Organisation, caller.organisation_id)
-            add_jobs(session, retried, organisation_id=organisation.id)
-            audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
-        return changes.Reply(status=202, body=schemas.RetriedAnswer(retried=retried), jobs=first)
-
-    return writing.run(caller, change)
+    chosen = _choose(session, caller, body)
+    first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
+    if retried := jobs.retry(session, chosen):
+        asked = body.model_dump(exclude_none=True)
+        organisation = session.get_one(Organisation, caller.organisation_id)
+        add_jobs(session, retried, organisation_id=organisation.id)
+        audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
+    return changes.Reply(status=202, body=schemas.RetriedAnswer(retried=retried), jobs=first)
 
 
 @router.post("/dismiss", response_model=schemas.DismissedAnswer, responses=problems(404))
-def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, writing: changes.Writes) -> Response:
+def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Dismiss jobs that failed, or were quarantined: no page lists them as failures any more.
 
     They stay in the record, and a retry ends it. It needs the scopes that starting them needed.
     """
-
-    def change(session: Session) -> changes.Reply:
-        if count := jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed):
-            asked = body.model_dump(exclude_none=True)
-            organisation = session.get_one(Organisation, caller.organisation_id)
-            audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
-        return changes.Reply(status=200, body=schemas.DismissedAnswer(dismissed=count))
-
-    return writing.run(caller, change)
+    if count := jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed):
+        asked = body.model_dump(exclude_none=True)
+        organisation = session.get_one(Organisation, caller.organisation_id)
+        audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
+    return changes.Reply(status=200, body=schemas.DismissedAnswer(dismissed=count))
 
 
 @router.post("/{job_id}/retry", status_code=202, response_model=schemas.JobAnswer, responses=problems(409))
-def retry_job(job_id: lookup.Id, caller: auth.Reader, writing: changes.Writes) -> Response:
+def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
-
-    def change(session: Session) -> changes.Reply:
-        job = lookup.owned(session, Job, job_id, caller)
-        auth.require(caller, _SCOPES[job.kind])
-        before = {"state": job.state, "error": job.error}
-        if not jobs.retry(session, Job.id == job.id):
-            detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
-            raise Problem(interface.CONFLICT, detail)
-        audit.record_act(session, "retry", job, before, {"state": "queued"})
-        session.refresh(job)
-        (answer,) = _answers(session, [job])
-        return changes.Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
-
-    return writing.run(caller, change)
+    job = lookup.owned(session, Job, job_id, caller)
+    auth.require(caller, _SCOPES[job.kind])
+    before = {"state": job.state, "error": job.error}
+    if not jobs.retry(session, Job.id == job.id):
+        detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
+        raise Problem(interface.CONFLICT, detail)
+    audit.record_act(session, "retry", job, before, {"state": "queued"})
+    session.refresh(job)
+    (answer,) = _answers(session, [job])
+    return changes.Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
 
 
 def _choose(session: Session, caller: auth.Caller, body: schemas.RetriedJobs) -> ColumnElement[bool]:

@@ -96,21 +96,17 @@ router = operations.Router(prefix="/v1", tags=["measurements"])
 
 @router.post("/measurements", status_code=202, response_model=JobAnswer, responses=answers.problems(404, 409))
 def start_measurement(
-    body: requests.NewMeasurement, caller: auth.Uploader, writing: changes.Writes
-) -> Response:
+    body: requests.NewMeasurement, caller: auth.Uploader, session: Session
+) -> changes.Reply:
     """Measure a frame with a calibrated camera. The job's result names the measurement.
 
     Without `calibration_id` the version is taken that was in force when the frame was taken. `frame_ids` in
     place of `frame_id` averages repeats of one scene.
     """
-
-    def change(session: Session) -> changes.Reply:
-        frame, *_ = (lookup.owned(session, FrameRow, each, caller) for each in body.list_frames())
-        asked, named = _read_asked(body), _named(session, body, caller)
-        job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
-        return reply_queued(session, job)
-
-    return writing.run(caller, change)
+    frame, *_ = (lookup.owned(session, FrameRow, each, caller) for each in body.list_frames())
+    asked, named = _read_asked(body), _named(session, body, caller)
+    job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
+    return reply_queued(session, job)
 
 
 @router.post(
@@ -120,45 +116,41 @@ def start_measurement(
     responses=answers.problems(409),
 )
 def start_campaign_measurements(
-    campaign_id: lookup.Id, body: requests.MeasurementOptions, caller: auth.Uploader, writing: changes.Writes
-) -> Response:
+    campaign_id: lookup.Id, body: requests.MeasurementOptions, caller: auth.Uploader, session: Session
+) -> changes.Reply:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
     Frames that a person left out are not measured. An index is measured once a capture. The calibration may
     come from another campaign of the same camera.
     """
-
-    def change(session: Session) -> changes.Reply:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
-        named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
-        started: dict[Job, None] = {}
-        refused: list[requests.NotMeasured] = []
-        for frame in _field_frames(session, campaign):
-            try:
-                job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
-                started[job] = None
-            except (InputRejected, database.Conflict) as refusal:
-                refused.append(
-                    requests.NotMeasured(
-                        frame_id=frame.id,
-                        filename=frame.filename,
-                        code=str(refusal.code),
-                        detail=refusal.message,
-                    )
+    campaign = lookup.owned(session, Campaign, campaign_id, caller)
+    named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
+    started: dict[Job, None] = {}
+    refused: list[requests.NotMeasured] = []
+    for frame in _field_frames(session, campaign):
+        try:
+            job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
+            started[job] = None
+        except (InputRejected, database.Conflict) as refusal:
+            refused.append(
+                requests.NotMeasured(
+                    frame_id=frame.id,
+                    filename=frame.filename,
+                    code=str(refusal.code),
+                    detail=refusal.message,
                 )
-        session.flush()
-        jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
-        answer = requests.CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
-        return changes.Reply(status=202, body=answer, jobs=list(started))
-
-    return writing.run(caller, change)
+            )
+    session.flush()
+    jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
+    answer = requests.CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
+    return changes.Reply(status=202, body=answer, jobs=list(started))
 
 
 @router.get("/measurements", response_model=Page[MeasurementAnswer])
 def list_measurements(
     paging: UsesPaging,
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     camera_id: Annotated[models.Text | None, Query()] = None,
     campaign_id: Annotated[models.Text | None, Query()] = None,
     calibration_id: OfCalibration = None,
@@ -172,20 +164,16 @@ def list_measurements(
         rows = rows.where(Measurement.campaign_id == campaign_id)
     if calibration_id is not None:
         rows = rows.where(Measurement.calibration_id == calibration_id)
-    with context.database.reading() as session:
-        return paging.send(
-            session, rows, lambda found: answer_measurements(session, found), newest_first=True
-        )
+    return paging.send(session, rows, lambda found: answer_measurements(session, found), newest_first=True)
 
 
 @router.get("/measurements/{measurement_id}", **answers.sends(MeasurementAnswer))
 def get_measurement(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, session: Session
 ) -> Response:
     """One measurement, with the calibration that it was made with and what has become of that since."""
-    with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
-        answer = answer_measurements(session, [row])[0]
+    row = lookup.owned(session, Measurement, measurement_id, caller)
+    answer = answer_measurements(session, [row])[0]
     # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
     state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
     tag = f"{row.content_sha256}-{state}"
@@ -196,21 +184,20 @@ def get_measurement(
 
 @router.get("/measurements/{measurement_id}/record.json", **answers.sends(MeasurementRecord))
 def get_measurement_record(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, session: Session
 ) -> Response:
     """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
 
     It never changes. `stilb export --measurement` downloads it with the frames and the map.
     """
-    with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
-        if (unchanged := answers.not_modified(request, tag := f"{row.content_sha256}-record")) is not None:
-            return unchanged
-        calibration = session.get_one(Calibration, row.calibration_id)
-        more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
-        ids = [row.frame_id, *(named["frame_id"] for named in more)]
-        frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
-        return MeasurementRecord.of(row, frames, calibration).respond(answers.immutable_headers(tag))
+    row = lookup.owned(session, Measurement, measurement_id, caller)
+    if (unchanged := answers.not_modified(request, tag := f"{row.content_sha256}-record")) is not None:
+        return unchanged
+    calibration = session.get_one(Calibration, row.calibration_id)
+    more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
+    ids = [row.frame_id, *(named["frame_id"] for named in more)]
+    frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
+    return MeasurementRecord.of(row, frames, calibration).respond(answers.immutable_headers(tag))
 
 
 @router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
@@ -386,7 +373,7 @@ comparisons_router = operations.Router(prefix="/v1", tags=["measurements"])
 def contrast_measurements(
     measurement_id: lookup.Id,
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     old: Annotated[models.Text, Query(description="The measurement that it is compared with.")],
     *,
     other_region: Annotated[bool, Query(description="Compare them even if their outlines differ.")] = False,
@@ -396,13 +383,12 @@ def contrast_measurements(
 
     Measurements with different outlines are refused unless `other_region` is true.
     """
-    with context.database.reading() as session:
-        before, after = _side(session, old, caller), _side(session, measurement_id, caller)
-        was, is_now = before.summary.measured, after.summary.measured
-        if was != is_now:
-            raise wrong("query.old", f"is of {was}, the other of {is_now}: compare like with like")
-        found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
-        return ContrastAnswer.between(before, after, found).respond()
+    before, after = _side(session, old, caller), _side(session, measurement_id, caller)
+    was, is_now = before.summary.measured, after.summary.measured
+    if was != is_now:
+        raise wrong("query.old", f"is of {was}, the other of {is_now}: compare like with like")
+    found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
+    return ContrastAnswer.between(before, after, found).respond()
 
 
 def _side(session: Session, measurement_id: str, caller: auth.Caller) -> Side:

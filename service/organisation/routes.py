@@ -95,19 +95,15 @@ def get_organisation(caller: auth.Reader, context: UsesContext) -> Any:  # noqa:
 
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=answers.problems(409))
-def change_organisation(body: OrganisationChange, caller: auth.Admin, writing: changes.Writes) -> Response:
+def change_organisation(body: OrganisationChange, caller: auth.Admin, session: Session) -> changes.Reply:
     """Set name and address of certificates, the time zone of cameras ("" for none), and what is refused."""
-
-    def change(session: Session) -> changes.Reply:
-        organisation = session.get_one(Organisation, caller.organisation_id)
-        if body.name is not None:
-            require_free_name(session, body.name, but=organisation.id)
-        for name, value in body.model_dump(exclude_unset=True).items():
-            setattr(organisation, name, None if value == "" else value)
-        session.flush()
-        return changes.Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
-
-    return writing.run(caller, change)
+    organisation = session.get_one(Organisation, caller.organisation_id)
+    if body.name is not None:
+        require_free_name(session, body.name, but=organisation.id)
+    for name, value in body.model_dump(exclude_unset=True).items():
+        setattr(organisation, name, None if value == "" else value)
+    session.flush()
+    return changes.Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
 
 
 class AuditEntryAnswer(
@@ -162,20 +158,19 @@ Chosen = Annotated[AuditQuery, Query()]
 
 @audit_router.get("", response_model=paging.Page[AuditEntryAnswer])
 def list_audit_entries(
-    request: Request, query: Annotated[AuditListing, Query()], caller: auth.Admin, context: UsesContext
+    request: Request, query: Annotated[AuditListing, Query()], caller: auth.Admin, session: Session
 ) -> Response:
     """List who did what in your organisation, from what to what, newest first."""
     chosen = query.model_dump(exclude={"limit", "cursor"})
-    with context.database.reading() as session:
-        return paging.Paging(request, query.limit, query.cursor).send(
-            session,
-            select_entries(caller.organisation_id, **chosen),
-            lambda found: [
-                AuditEntryAnswer.restate(row, **named)
-                for row, named in zip(found, name_entries(session, found), strict=True)
-            ],
-            newest_first=True,
-        )
+    return paging.Paging(request, query.limit, query.cursor).send(
+        session,
+        select_entries(caller.organisation_id, **chosen),
+        lambda found: [
+            AuditEntryAnswer.restate(row, **named)
+            for row, named in zip(found, name_entries(session, found), strict=True)
+        ],
+        newest_first=True,
+    )
 
 
 @audit_router.get("/entries.csv", response_class=Response, responses=_exports("text/csv"))
@@ -311,22 +306,19 @@ keys_router = operations.Router(prefix="/v1", tags=["keys"])
 @keys_router.post(
     "/organisations", status_code=201, response_model=OrganisationAnswer, responses=answers.problems(409)
 )
-def create_organisation(body: NewOrganisation, caller: auth.Admin, writing: changes.Writes) -> Response:
+def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Session) -> changes.Reply:
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
         raise problems.Problem(
             interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
 
-    def change(session: Session) -> changes.Reply:
-        require_free_name(session, body.name)
-        organisation = Organisation(name=body.name)
-        session.add(organisation)
-        session.flush()
-        key = _create(session, organisation.id, NewKey(name="first", scopes=list(auth.SCOPES)))
-        return changes.Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
-
-    return writing.run(caller, change)
+    require_free_name(session, body.name)
+    organisation = Organisation(name=body.name)
+    session.add(organisation)
+    session.flush()
+    key = _create(session, organisation.id, NewKey(name="first", scopes=list(auth.SCOPES)))
+    return changes.Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
 
 
 @keys_router.post("/keys", status_code=201, response_model=KeyAnswer)
@@ -338,59 +330,49 @@ def create_api_key(body: NewKey, caller: auth.Admin, writing: changes.Writes) ->
 
 
 @keys_router.get("/keys", response_model=Page[KeyAnswer])
-def list_keys(paging: UsesPaging, caller: auth.Admin, context: UsesContext) -> Response:
+def list_keys(paging: UsesPaging, caller: auth.Admin, session: Session) -> Response:
     """The keys of your organisation, without their secrets."""
     rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return paging.send(session, rows, lambda found: [KeyAnswer.restate(row) for row in found])
+    return paging.send(session, rows, lambda found: [KeyAnswer.restate(row) for row in found])
 
 
 @keys_router.get("/keys/own", response_model=OwnKeyAnswer)
-def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], context: UsesContext) -> Response:
+def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], session: Session) -> Response:
     """The key that you ask with: whose it is and what it may do. Any key may ask."""
-    with context.database.reading() as session:
-        key = session.get_one(ApiKey, caller.key_id)
-        organisation = session.get_one(Organisation, caller.organisation_id)
-        return OwnKeyAnswer.restate(key, organisation=organisation).respond()
+    key = session.get_one(ApiKey, caller.key_id)
+    organisation = session.get_one(Organisation, caller.organisation_id)
+    return OwnKeyAnswer.restate(key, organisation=organisation).respond()
 
 
 @keys_router.patch("/keys/{key_id}", response_model=KeyAnswer)
-def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, writing: changes.Writes) -> Response:
+def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, session: Session) -> changes.Reply:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
     Whoever publishes with the key signs the certificates that are issued then.
     """
-
-    def change(session: Session) -> changes.Reply:
-        key = lookup.owned(session, ApiKey, key_id, caller)
-        for name, value in body.model_dump(exclude_unset=True).items():
-            setattr(key, name, value or None)
-        _require_both(key.person, key.role)
-        session.flush()
-        return changes.Reply(status=200, body=KeyAnswer.restate(key))
-
-    return writing.run(caller, change)
+    key = lookup.owned(session, ApiKey, key_id, caller)
+    for name, value in body.model_dump(exclude_unset=True).items():
+        setattr(key, name, value or None)
+    _require_both(key.person, key.role)
+    session.flush()
+    return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
 
 @keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=answers.problems(409))
-def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -> Response:
+def revoke_key(key_id: lookup.Id, caller: auth.Admin, session: Session) -> changes.Reply:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
     The last key in force with the scope `admin` cannot be revoked: make another one first.
     """
-
-    def change(session: Session) -> changes.Reply:
-        key = lookup.owned(session, ApiKey, key_id, caller)
-        if key.revoked_at is None and not has_other_admin(session, key):
-            raise problems.Problem(
-                interface.CONFLICT, "This is the last key that can manage keys. Make another first."
-            )
-        end_sessions(session, key)
-        key.revoked_at = key.revoked_at or utc_now()
-        session.flush()
-        return changes.Reply(status=200, body=KeyAnswer.restate(key))
-
-    return writing.run(caller, change)
+    key = lookup.owned(session, ApiKey, key_id, caller)
+    if key.revoked_at is None and not has_other_admin(session, key):
+        raise problems.Problem(
+            interface.CONFLICT, "This is the last key that can manage keys. Make another first."
+        )
+    end_sessions(session, key)
+    key.revoked_at = key.revoked_at or utc_now()
+    session.flush()
+    return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
 
 def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
@@ -423,41 +405,30 @@ OfKey = Annotated[Text | None, Query(description="Only those opened with this ke
 
 
 @sessions_router.get("", response_model=Page[SessionAnswer])
-def list_sessions(
-    paging: UsesPaging, caller: AnyCaller, context: UsesContext, key_id: OfKey = None
-) -> Response:
+def list_sessions(paging: UsesPaging, caller: AnyCaller, session: Session, key_id: OfKey = None) -> Response:
     """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
     rows = _select(caller, key_id)
-    with context.database.reading() as session:
-        return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
+    return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
 
 
 @sessions_router.delete("", response_model=EndedSessions)
-def end_other_sessions(caller: AnyCaller, writing: changes.Writes, key_id: OfKey = None) -> Response:
+def end_other_sessions(caller: AnyCaller, session: Session, key_id: OfKey = None) -> changes.Reply:
     """End every session that the list shows, except the one that asks."""
-
-    def change(session: Session) -> changes.Reply:
-        others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
-        for row in others:
-            row.ended_at = utc_now()
-        return changes.Reply(status=200, body=EndedSessions(ended=len(others)))
-
-    return writing.run(caller, change)
+    others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
+    for row in others:
+        row.ended_at = utc_now()
+    return changes.Reply(status=200, body=EndedSessions(ended=len(others)))
 
 
 @sessions_router.delete("/{session_id}", response_model=SessionAnswer)
-def end_session(session_id: lookup.Id, caller: AnyCaller, writing: changes.Writes) -> Response:
+def end_session(session_id: lookup.Id, caller: AnyCaller, session: Session) -> changes.Reply:
     """End a session at once: its browser has to sign in again. It stays in the record."""
-
-    def change(session: Session) -> changes.Reply:
-        row = lookup.owned(session, WebSession, session_id, caller)
-        if row.key_id != caller.key_id and not _is_admin(caller):
-            raise problems.not_found("session")
-        row.ended_at = row.ended_at or utc_now()
-        session.flush()
-        return changes.Reply(status=200, body=_answer(session, row, caller))
-
-    return writing.run(caller, change)
+    row = lookup.owned(session, WebSession, session_id, caller)
+    if row.key_id != caller.key_id and not _is_admin(caller):
+        raise problems.not_found("session")
+    row.ended_at = row.ended_at or utc_now()
+    session.flush()
+    return changes.Reply(status=200, body=_answer(session, row, caller))
 
 
 def _select(caller: auth.Caller, key_id: str | None) -> Select[WebSession]:

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Query, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from radiometry.drawing import chart
 from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
@@ -19,7 +20,6 @@ from radiometry.fleet.determinations import Determination, Key
 from radiometry.frame.multispectral import label_band
 from radiometry.methods import get_method
 from service.http import auth, lookup, models, operations, problems
-from service.http.context import UsesContext
 from service.pages.rendering import SignedInPage
 from store.queries import calibrations, fleet, group_by
 from store.queries.calibrations import Lifetime
@@ -282,31 +282,28 @@ router = operations.Router(include_in_schema=False)
 
 
 @router.get("/cameras/{camera_id}")
-def show_camera(camera_id: lookup.Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        camera = lookup.owned(session, Camera, camera_id, page.caller)
+def show_camera(camera_id: lookup.Id, page: SignedInPage, session: Session) -> Response:
+    camera = lookup.owned(session, Camera, camera_id, page.caller)
     title = f"{camera.make} {camera.model} {camera.serial}"
     return page.render("camera.html", title=title, camera=camera)
 
 
 @router.get("/cameras/{camera_id}/coefficients")
-def show_coefficients(camera_id: lookup.Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        camera = lookup.owned(session, Camera, camera_id, page.caller)
+def show_coefficients(camera_id: lookup.Id, page: SignedInPage, session: Session) -> Response:
+    camera = lookup.owned(session, Camera, camera_id, page.caller)
     return page.render("coefficients.html", title="Coefficients in time", camera=camera)
 
 
 @router.get("/plots/fleet")
 def plot_fleet(
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     view: Annotated[View, Depends()],
     camera_id: Annotated[list[models.Text], Query()],
     method: Annotated[models.Method, Query()],
 ) -> Response:
-    with context.database.reading() as session:
-        cameras = [lookup.owned(session, Camera, each, caller) for each in camera_id]
-        found = fleet.list_determinations(session, cameras, method, {})
+    cameras = [lookup.owned(session, Camera, each, caller) for each in camera_id]
+    found = fleet.list_determinations(session, cameras, method, {})
     if not found:
         return Response(status_code=204)
     figures = build_fleet(found, get_method(method).label_coefficient)
@@ -320,18 +317,17 @@ def plot_fleet(
 def plot_drift(
     camera_id: lookup.Id,
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     view: Annotated[View, Depends()],
     method: Annotated[models.Method, Query()],
     name: Annotated[models.Text, Query()],
 ) -> Response:
-    with context.database.reading() as session:
-        camera = lookup.owned(session, Camera, camera_id, caller)
-        found = fleet.list_determinations(session, [camera], method, {})
-        numbers = session.execute(
-            select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
-        )
-        versions = {row[0]: row[1] for row in numbers}
+    camera = lookup.owned(session, Camera, camera_id, caller)
+    found = fleet.list_determinations(session, [camera], method, {})
+    numbers = session.execute(
+        select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
+    )
+    versions = {row[0]: row[1] for row in numbers}
     if not (named := [row for row in found if row.key.name == name]):
         raise problems.Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
     quantity = get_method(method).label_coefficient(name)
@@ -359,14 +355,13 @@ def plot_lifetimes(
     camera_id: lookup.Id,
     figure: Literal["values", "lives"],
     caller: auth.Reader,
-    context: UsesContext,
+    session: Session,
     view: Annotated[View, Depends()],
     wanted: Annotated[Wanted, Depends()],
 ) -> Response:
     known_at = wanted.known_at or utc_now()
-    with context.database.reading() as session:
-        lookup.owned(session, Camera, camera_id, caller)
-        found = calibrations.list_lifetimes(session, camera_id, wanted.method, known_at)
+    lookup.owned(session, Camera, camera_id, caller)
+    found = calibrations.list_lifetimes(session, camera_id, wanted.method, known_at)
     until = max(known_at, wanted.at or known_at)
     if figure == "lives":
         return send_svg(draw_figure(build_lives(found, until=until), "Life of each version", view=view))

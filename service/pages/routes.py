@@ -4,6 +4,7 @@ from typing import Annotated, Any, Final
 from urllib.parse import urlencode
 
 from fastapi import Depends, Query, Response
+from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import interface
@@ -104,10 +105,9 @@ for _address, _plain in _PLAIN.items():
 
 
 @router.get("/campaigns/{campaign_id}")
-def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, page.caller)
-        camera = session.get_one(Camera, campaign.camera_id)
+def show_campaign(campaign_id: Id, page: SignedInPage, session: Session) -> Response:
+    campaign = owned(session, Campaign, campaign_id, page.caller)
+    camera = session.get_one(Camera, campaign.camera_id)
     spec = methods.get_method(campaign.method)
     return page.render(
         "campaign.html",
@@ -120,11 +120,10 @@ def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> 
 
 
 @router.get("/calibrations/{calibration_id}")
-def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        calibration = owned(session, Calibration, calibration_id, page.caller)
-        camera = session.get_one(Camera, calibration.camera_id)
-        campaign = session.get_one(Campaign, calibration.campaign_id)
+def show_calibration(calibration_id: Id, page: SignedInPage, session: Session) -> Response:
+    calibration = owned(session, Calibration, calibration_id, page.caller)
+    camera = session.get_one(Camera, calibration.camera_id)
+    campaign = session.get_one(Campaign, calibration.campaign_id)
     spec = get_method(calibration.method)
     return page.render(
         "calibration.html",
@@ -138,23 +137,22 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
 
 @router.get("/plots/calibrations/{calibration_id}/{name}")
 def show_plot(
-    calibration_id: Id, name: str, caller: auth.Reader, context: UsesContext, view: Annotated[View, Depends()]
+    calibration_id: Id, name: str, caller: auth.Reader, session: Session, view: Annotated[View, Depends()]
 ) -> Response:
     """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
-    with context.database.reading() as session:
-        calibration = owned(session, Calibration, calibration_id, caller)
-        campaign = session.get_one(Campaign, calibration.campaign_id)
-        plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
-        if plot is None:
-            raise problems.Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
-        used = {each["sha256"] for each in calibration.inputs["frames"]}
+    calibration = owned(session, Calibration, calibration_id, caller)
+    campaign = session.get_one(Campaign, calibration.campaign_id)
+    plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
+    if plot is None:
+        raise problems.Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
+    used = {each["sha256"] for each in calibration.inputs["frames"]}
 
-        def read_rows() -> list[Any]:
-            found = evidence.gather(session, campaign)
-            return [row for row in found.frames if found.hashes[row.frame] in used]
+    def read_rows() -> list[Any]:
+        found = evidence.gather(session, campaign)
+        return [row for row in found.frames if found.hashes[row.frame] in used]
 
-        flight = [at.isoformat() for at in calibrations.list_flight(session, calibration)]
-        figures = list(plot.build(calibration.result | {"flight": flight}, read_rows))
+    flight = [at.isoformat() for at in calibrations.list_flight(session, calibration)]
+    figures = list(plot.build(calibration.result | {"flight": flight}, read_rows))
     if not figures:
         return Response(status_code=204)
     parts = [each.part for each in figures if each.part]
@@ -164,30 +162,27 @@ def show_plot(
 
 @router.get("/measurements/comparison")
 def show_comparison(
-    page: SignedInPage, context: UsesContext, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
+    page: SignedInPage, session: Session, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
 ) -> Response:
-    with context.database.reading() as session:
-        for named in (old, new):
-            owned(session, Measurement, named, page.caller)
+    for named in (old, new):
+        owned(session, Measurement, named, page.caller)
     return page.render("comparison.html", title="Compare measurements", old=old, new=new)
 
 
 @router.get("/measurements/{measurement_id}")
-def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        measurement = owned(session, Measurement, measurement_id, page.caller)
-        frame = session.get_one(FrameRow, measurement.frame_id)
-        calibration = session.get_one(Calibration, measurement.calibration_id)
+def show_measurement(measurement_id: Id, page: SignedInPage, session: Session) -> Response:
+    measurement = owned(session, Measurement, measurement_id, page.caller)
+    frame = session.get_one(FrameRow, measurement.frame_id)
+    calibration = session.get_one(Calibration, measurement.calibration_id)
     return page.render(
         "measurement.html", title=frame.filename, measurement=measurement, calibration=calibration
     )
 
 
 @router.get("/rigs/{rig_id}")
-def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versions) -> Response:
-    with context.database.reading() as session:
-        rig = owned(session, Rig, rig_id, page.caller)
-        cameras = fleet.list_cameras(session, rig)
+def show_rig(rig_id: Id, page: SignedInPage, session: Session, chosen: Versions) -> Response:
+    rig = owned(session, Rig, rig_id, page.caller)
+    cameras = fleet.list_cameras(session, rig)
     given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
     return page.render(
         "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=fleet.SPEC.exports, given=given
@@ -195,9 +190,8 @@ def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versi
 
 
 @router.get("/roads/{road_id}")
-def show_road(road_id: Id, page: SignedInPage, context: UsesContext) -> Response:
-    with context.database.reading() as session:
-        road = owned(session, Road, road_id, page.caller)
+def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
+    road = owned(session, Road, road_id, page.caller)
     return page.render("road.html", title=road.name, road=road)
 
 

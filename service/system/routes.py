@@ -6,6 +6,7 @@ from typing import Any, Literal
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import PlainTextResponse
 from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.http import answers, auth, models, operations, problems
@@ -115,25 +116,24 @@ class OperatorHealth(models.Answer):
 
 
 @router.get("/v1/health", response_model=OperatorHealth)
-def get_operator_health(caller: auth.Admin, context: UsesContext) -> Response:
+def get_operator_health(caller: auth.Admin, context: UsesContext, session: Session) -> Response:
     """Workers, queue, disk and verified files of the whole service. Only the operator's admins may ask."""
     if not caller.operator:
         raise problems.Problem(interface.SCOPE_MISSING, "Only an administrator of the operator can see this.")
     disk = shutil.disk_usage(context.settings.data)
-    with context.database.reading() as session:
-        queue = count_queue(session)
-        return OperatorHealth(
-            parts=[PartAnswer.of(part) for part in queue.parts],
-            jobs_waiting=queue.jobs["queued"],
-            jobs_running=queue.jobs["running"],
-            oldest_wait_s=queue.oldest_queued_s,
-            disk_total_bytes=disk.total,
-            disk_free_bytes=disk.free,
-            files=session.scalar(select(func.count()).select_from(Blob)) or 0,
-            damaged_files=sum(count_damaged(session).values()),
-            oldest_proof_s=find_proof_age_s(session),
-            verified_within_s=SCRUB_DAYS * 86400,
-        ).respond()
+    queue = count_queue(session)
+    return OperatorHealth(
+        parts=[PartAnswer.of(part) for part in queue.parts],
+        jobs_waiting=queue.jobs["queued"],
+        jobs_running=queue.jobs["running"],
+        oldest_wait_s=queue.oldest_queued_s,
+        disk_total_bytes=disk.total,
+        disk_free_bytes=disk.free,
+        files=session.scalar(select(func.count()).select_from(Blob)) or 0,
+        damaged_files=sum(count_damaged(session).values()),
+        oldest_proof_s=find_proof_age_s(session),
+        verified_within_s=SCRUB_DAYS * 86400,
+    ).respond()
 
 
 @probes.get(
