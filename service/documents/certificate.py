@@ -10,15 +10,13 @@ from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.method import MethodSpec, Scope
-from service.calibrations.schemas import Gap, PersonAnswer
+from service.calibrations.schemas import PersonAnswer
 from service.documents import schemas
-from service.documents.gaps import list_gaps
 from service.equipment.schemas import CameraAnswer
 from service.http.models import rfc3339
 from store.codec import drop_absent
 from store.queries.calibration_record import CalibrationRecord, state_budgets, state_coefficients
 from store.queries.organisations import Person, name_laboratory
-from store.tables import Calibration
 
 _RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
@@ -174,29 +172,25 @@ def build_certificate(
     """Build the whole document, with the items that it lacks; a draft unless it is being issued."""
     row = record.calibration
     meters = describe_meters(record)
-    panels = [schemas.UsedPanel.model_validate(each) for each in record.calibration.inputs.get("panels", [])]
+    panels = [schemas.UsedPanel.model_validate(each) for each in row.inputs.get("panels", [])]
     spec = get_method(row.method)
     result, text = drop_absent(row.result), spec.certificate
-    vignetting = spec.certificate.vignetting
+    vignetting = text.vignetting
     if content_sha256 := row.parameters.get("vignetting"):
         vignetting = f"the camera's vignetting version with content SHA-256 {content_sha256}"
     coefficients = _coefficients(record)
     scope = next((each.uncertainty_scope for each in coefficients if each.uncertainty_scope), None)
     camera = CameraAnswer.of(record.camera)
-    lens = record.calibration.configuration.get("lens") or record.campaign.lens or camera.lens
-    certificate = schemas.CertificateAnswer(
+    amendment = f"-amendment-{issued.amends.amendment}" if issued and issued.amends else ""
+    lens = row.configuration.get("lens") or record.campaign.lens or camera.lens
+    certificate = schemas.CertificateAnswer.restate(
+        row,
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
-        number=f"{_number(record, row)}-amendment-{issued.amends.amendment}"
-        if issued and issued.amends
-        else _number(record, row),
+        number=f"{record.camera.serial}-{row.method}-{row.version}{amendment}",
         calibration_id=row.id,
-        content_sha256=row.content_sha256,
-        version=row.version,
-        method=row.method,
         procedure=text.procedure,
         equation=text.equation,
-        configuration=row.configuration,
         laboratory=schemas.Laboratory.restate(record.organisation, name=name_laboratory(record.organisation)),
         item=schemas.Item.restate(camera, lens=lens),
         work=describe_work(record),
@@ -223,7 +217,6 @@ def build_certificate(
         author=_name(record, row.created_by),
         fitted_by=PersonAnswer.restate(record.fitted_by) if record.fitted_by else None,
         approved_by=PersonAnswer.restate(approved_by) if approved_by else None,
-        created_at=row.created_at,
         issued=issued,
         published=list(published),
         validity=schemas.Validity.restate(published[-1], state="published") if issued else _validity(record),
@@ -232,8 +225,7 @@ def build_certificate(
             *list_statements(spec, vignetting, row.parameters, result),
         ],
     )
-    gaps = [Gap(code=found.code, message=found.message) for found in list_gaps(certificate)]
-    return certificate.model_copy(update={"gaps": gaps})
+    return certificate.model_copy(update={"gaps": schemas.list_gaps(certificate)})
 
 
 def list_published(record: CalibrationRecord) -> list[schemas.PublishedBy]:
@@ -242,10 +234,6 @@ def list_published(record: CalibrationRecord) -> list[schemas.PublishedBy]:
         schemas.PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
         for act in record.acts
     ]
-
-
-def _number(record: CalibrationRecord, version: Calibration) -> str:
-    return f"{record.camera.serial}-{version.method}-{version.version}"
 
 
 def _name(record: CalibrationRecord, key_id: str) -> str:
@@ -282,20 +270,12 @@ def _readings(record: CalibrationRecord) -> list[schemas.UsedReading]:
 
 def _frame(record: CalibrationRecord, used: dict[str, Any]) -> schemas.UsedFrame:
     found = record.frames[used["sha256"]]
-    return schemas.UsedFrame(
-        id=found.id,
-        frame=used["frame"],
-        sha256=used["sha256"],
-        size_bytes=found.size_bytes,
-        role=used["role"],
-        scene=used.get("scene"),
+    return schemas.UsedFrame.restate(
+        used,
+        found,
         exposure=drop_absent(used.get("exposure")),
-        taken_at=found.taken_at,
-        clock_offset=used.get("clock_offset"),
-        roi_sha256=used["roi_sha256"],
         roi_origin="found" if found.found_by else None,
         roi_found_by=found.found_by,
-        panel_serial=found.panel_serial,
         warnings=[FINDINGS[flag].sentence for flag in found.warnings if flag in FINDINGS],
         **_measured(record, found.statistics),
     )

@@ -26,8 +26,7 @@ from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.jobs.routes import QUEUES, reply_queued
-from service.jobs.schemas import JobAnswer
+from service.jobs.routes import QUEUES, JobAnswer, reply_queued
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
 from store import blobs, codec, database, files, jobs

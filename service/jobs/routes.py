@@ -1,12 +1,13 @@
-"""Jobs, waiting for them, and server-sent events."""
+"""Jobs as a client sees them, waiting for them, and server-sent events."""
 
 import json
 import re
 from collections.abc import AsyncIterator
-from typing import Annotated, Any, Final, get_args
+from typing import Annotated, Any, Final, Literal, get_args
 
 from fastapi import Header, Query, Response
 from fastapi.responses import StreamingResponse
+from pydantic import Field
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
@@ -16,11 +17,11 @@ from service.http import auth, changes, lookup, models, operations
 from service.http.answers import problems
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem
-from service.jobs import schemas, watch
+from service.http.problems import Problem, problem_body
+from service.jobs import watch
 from store import audit, jobs
 from store.queries import by_id
-from store.queries.jobs import list_causes, select_given_up, select_makers, summarise_queue
+from store.queries import jobs as queries
 from store.queries.usage import add_jobs
 from store.tables import (
     Calibration,
@@ -34,6 +35,86 @@ from store.tables import (
     Road,
 )
 
+
+class JobAnswer(
+    models.Answer,
+    restates=Job,
+    fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
+):
+    state: JobState
+    progress: float = Field(ge=0, le=1)
+    error: models.ProblemAnswer | None = None
+    filename: str | None = models.maybe("Of the frame that it works on, where it is one.")
+    campaign_id: str | None = models.maybe("The campaign of that frame, or its subject.")
+    next_attempt_at: models.Instant | None = models.maybe(
+        "When a job is tried again that waits for what `error.waits_for` names, if not sooner."
+    )
+
+    @classmethod
+    def of(cls, row: Job, frame: FrameRow | None = None) -> "JobAnswer":
+        error = None
+        if row.error is not None:
+            status = 422 if row.state == "failed" and row.traceback is None else 500
+            error = problem_body(row.error.get("status", status), **row.error)
+        return cls.restate(
+            row,
+            error=error,
+            next_attempt_at=row.due_at if row.state == "queued" and error is not None else None,
+            filename=frame.filename if frame else None,
+            campaign_id=frame.campaign_id if frame else row.subject_id if row.kind == "fit" else None,
+        )
+
+
+class RetriedJobs(models.Form):
+    """Which jobs are tried again: those that all of this holds for."""
+
+    state: Literal["failed", "quarantined"]
+    kind: JobKind | None = None
+    code: models.Text | None = models.maybe("The code of the error that they ended with.")
+    campaign_id: models.Text | None = models.maybe("Jobs on this campaign and its frames.")
+
+
+class DismissedJobs(RetriedJobs):
+    """Which jobs are dismissed: those that all of this holds for."""
+
+    dismissed: models.Flag = models.told("false: list them again.", default=True)
+
+
+class DismissedAnswer(models.Answer):
+    dismissed: int = models.told("How many jobs were changed.", ge=0)
+
+
+class JobCauseAnswer(models.Answer):
+    """Jobs that failed for one reason, with the newest of them."""
+
+    count: int = Field(ge=1)
+    newest: JobAnswer
+
+
+class JobCausesAnswer(models.Answer):
+    items: list[JobCauseAnswer]
+
+
+class RetriedAnswer(models.Answer):
+    retried: int = models.told("How many jobs are queued again.", ge=0)
+
+
+class QueueAnswer(models.Answer):
+    queued: int
+    running: int
+    succeeded: int
+    failed: int
+    quarantined: int
+    more: list[JobState] = models.told(
+        f"States with more jobs than their number states: each is counted up to {queries.MOST_COUNTED}."
+    )
+    oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
+
+    @classmethod
+    def of(cls, queue: queries.Queue) -> "QueueAnswer":
+        return cls.model_validate(queue.counts | {"more": queue.more, "oldest_wait_s": queue.oldest_wait_s})
+
+
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
@@ -43,7 +124,7 @@ _LOGGED = 64
 _SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
-QUEUES: Final[dict[str, Any]] = {"status_code": 202, "response_model": schemas.JobAnswer}
+QUEUES: Final[dict[str, Any]] = {"status_code": 202, "response_model": JobAnswer}
 """How a route is stated that queues a job."""
 
 
@@ -51,10 +132,10 @@ def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> c
     """Reply to a request that has queued a job."""
     session.flush()
     location = {"Location": f"/v1/jobs/{job.id}"}
-    return changes.Reply(status=202, body=schemas.JobAnswer.of(job, frame), headers=location, jobs=[job])
+    return changes.Reply(status=202, body=JobAnswer.of(job, frame), headers=location, jobs=[job])
 
 
-@router.get("", response_model=Page[schemas.JobAnswer], responses=problems(404))
+@router.get("", response_model=Page[JobAnswer], responses=problems(404))
 def list_jobs(
     paging: UsesPaging,
     caller: auth.Reader,
@@ -80,36 +161,33 @@ def list_jobs(
             session, (FrameRow, Campaign, Calibration, Measurement, Road), subject, caller
         )
         mine = Job.subject_id == subject
-        rows = rows.where(select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
+        rows = rows.where(queries.select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
     return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
 # before the route of one job, whose id it would be taken for
-@router.get("/summary", response_model=schemas.QueueAnswer)
+@router.get("/summary", response_model=QueueAnswer)
 def get_queue(caller: auth.Reader, session: Session) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
-    return schemas.QueueAnswer.of(
-        summarise_queue(session, caller.organisation_id, get_args(JobState))
+    return QueueAnswer.of(
+        queries.summarise_queue(session, caller.organisation_id, get_args(JobState))
     ).respond()
 
 
-@router.get("/causes", response_model=schemas.JobCausesAnswer)
+@router.get("/causes", response_model=JobCausesAnswer)
 def get_job_causes(caller: auth.Reader, session: Session) -> Response:
     """Why jobs failed or were quarantined, unless they were dismissed; the most frequent cause first.
 
     Of each state the newest 2,000 jobs count. A cause is a state, a kind, an error's code and a campaign, by
     which `POST /v1/jobs/retry` and `POST /v1/jobs/dismiss` choose too.
     """
-    causes = list_causes(session, caller.organisation_id)
+    causes = queries.list_causes(session, caller.organisation_id)
     newest = _answers(session, [cause.newest for cause in causes])
-    items = [
-        schemas.JobCauseAnswer(count=cause.count, newest=job)
-        for cause, job in zip(causes, newest, strict=True)
-    ]
-    return schemas.JobCausesAnswer(items=items).respond()
+    items = [JobCauseAnswer(count=cause.count, newest=job) for cause, job in zip(causes, newest, strict=True)]
+    return JobCausesAnswer(items=items).respond()
 
 
-@router.get("/{job_id}", response_model=schemas.JobAnswer)
+@router.get("/{job_id}", response_model=JobAnswer)
 async def get_job(
     job_id: lookup.Id,
     caller: auth.Reader,
@@ -130,8 +208,8 @@ async def get_job(
     return answer.respond(headers)
 
 
-@router.post("/retry", status_code=202, response_model=schemas.RetriedAnswer, responses=problems(404))
-def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
+@router.post("/retry", status_code=202, response_model=RetriedAnswer, responses=problems(404))
+def retry_jobs(body: RetriedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try all jobs again that failed, or were quarantined, of a kind, by an error's code, of a campaign.
 
     It needs the scopes that starting them needed. Sent twice it finds nothing the second time.
@@ -143,11 +221,11 @@ def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, session: Session)
         organisation = session.get_one(Organisation, caller.organisation_id)
         add_jobs(session, retried, organisation_id=organisation.id)
         audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
-    return changes.Reply(status=202, body=schemas.RetriedAnswer(retried=retried), jobs=first)
+    return changes.Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
 
 
-@router.post("/dismiss", response_model=schemas.DismissedAnswer, responses=problems(404))
-def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
+@router.post("/dismiss", response_model=DismissedAnswer, responses=problems(404))
+def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Dismiss jobs that failed, or were quarantined: no page lists them as failures any more.
 
     They stay in the record, and a retry ends it. It needs the scopes that starting them needed.
@@ -156,10 +234,10 @@ def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, session: Sess
         asked = body.model_dump(exclude_none=True)
         organisation = session.get_one(Organisation, caller.organisation_id)
         audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
-    return changes.Reply(status=200, body=schemas.DismissedAnswer(dismissed=count))
+    return changes.Reply(status=200, body=DismissedAnswer(dismissed=count))
 
 
-@router.post("/{job_id}/retry", status_code=202, response_model=schemas.JobAnswer, responses=problems(409))
+@router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(409))
 def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
     job = lookup.owned(session, Job, job_id, caller)
@@ -174,26 +252,26 @@ def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> chang
     return changes.Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
 
 
-def _choose(session: Session, caller: auth.Caller, body: schemas.RetriedJobs) -> ColumnElement[bool]:
+def _choose(session: Session, caller: auth.Caller, body: RetriedJobs) -> ColumnElement[bool]:
     """Return the jobs that are chosen, if the caller might start all of them."""
     if body.campaign_id is not None:
         lookup.owned(session, Campaign, body.campaign_id, caller)
-    asked = body.model_dump(include=set(schemas.RetriedJobs.model_fields))
-    chosen = select_given_up(caller.organisation_id, **asked)
+    asked = body.model_dump(include=set(RetriedJobs.model_fields))
+    chosen = queries.select_given_up(caller.organisation_id, **asked)
     for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
         auth.require(caller, _SCOPES[kind])
     return chosen
 
 
-def _read(context: Context, caller: auth.Caller, job_id: str) -> schemas.JobAnswer:
+def _read(context: Context, caller: auth.Caller, job_id: str) -> JobAnswer:
     with context.database.reading() as session:
         (answer,) = _answers(session, [lookup.owned(session, Job, job_id, caller)])
     return answer
 
 
-def _answers(session: Session, found: list[Job]) -> list[schemas.JobAnswer]:
+def _answers(session: Session, found: list[Job]) -> list[JobAnswer]:
     frames = by_id(session, FrameRow, {job.subject_id for job in found})
-    return [schemas.JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
+    return [JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
 
 
 events_router = operations.Router(prefix="/v1", tags=["events"])

@@ -15,7 +15,7 @@ from service.calibrations.methods import make_fields
 from service.campaigns.schemas import NewRoi, Point, Reflectance
 from service.http.models import WHOLE, Answer, Form, Number, Text, maybe, told
 from service.http.problems import invalid, located, wrong
-from service.jobs.schemas import JobAnswer
+from service.jobs.routes import JobAnswer
 from store.queries.campaigns import Drawing
 
 MOST_AVERAGED = 32

@@ -18,8 +18,7 @@ from service.http.answers import problems
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
-from service.jobs.routes import reply_queued
-from service.jobs.schemas import JobAnswer
+from service.jobs.routes import JobAnswer, reply_queued
 from service.measurements import maps, requests
 from service.measurements.schemas import MeasurementAnswer
 from store import database, jobs
