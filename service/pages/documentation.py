@@ -3,10 +3,9 @@
 import itertools
 import json
 import re
-from collections.abc import Iterator
-from html import escape
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Request, Response
 from fastapi import Path as InPath
@@ -106,67 +105,6 @@ def _link(tokens: list[Token], places: set[str]) -> None:
                 part.attrSet("src", f"/docs/{part.attrGet('src')}")
 
 
-Node = dict[str, Any]
-
-
-def _lines(document: Node) -> Iterator[str]:
-    info = document["info"]
-    yield f"<h1>{escape(info['title'])} API, version {escape(info['version'])}</h1>"
-    yield f"<p>{escape(info['summary'])}</p>"
-    yield (
-        "<p>Send your key with each request: <code>Authorization: Bearer &lt;key&gt;</code>. "
-        'Machines read <a href="/openapi.json">/openapi.json</a>; '
-        'what an error means stands in <a href="/docs/errors">/docs/errors</a>.</p>'
-    )
-    tag = None
-    for path, methods in document["paths"].items():
-        for method, operation in methods.items():
-            if operation["tags"][0] != tag:
-                tag = operation["tags"][0]
-                yield f"<h2>{escape(tag.capitalize())}</h2>"
-            yield from _operation(document, method.upper(), path, operation)
-
-
-def _operation(document: Node, method: str, path: str, operation: Node) -> Iterator[str]:
-    name = escape(operation["operationId"])
-    yield f'<details id="{name}"><summary><code>{method} {escape(path)}</code> '
-    yield f"{escape(operation['summary'])}</summary><p>{escape(operation['description'])}</p>"
-    yield from _parameters(operation.get("parameters", []))
-    body = operation.get("requestBody", {})
-    for kind, media in {**body.get("content", {}), **body.get(ALSO_ACCEPTS, {})}.items():
-        yield f"<h3>Send {escape(kind)}</h3>{_sample(media)}"
-    for status, named in operation["responses"].items():
-        answer = resolve(document, named)
-        yield f"<h3>{status} {escape(answer['description'])}</h3>"
-        if int(status) < 400:
-            for kind, media in answer.get("content", {}).items():
-                yield f"<p>{escape(kind)}</p>{_sample(media)}"
-    yield "</details>"
-
-
-def _parameters(parameters: list[Node]) -> Iterator[str]:
-    if parameters:
-        yield "<table><tr><th>Parameter</th><th>In</th><th>Type</th><th></th></tr>"
-        for each in parameters:
-            needed = "" if each.get("required") else "optional. "
-            cells = (each["name"], each["in"], _type(each["schema"]), needed + each.get("description", ""))
-            yield f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-        yield "</table>"
-
-
-def _type(schema: Node) -> str:
-    if "enum" in schema or "const" in schema:
-        return " | ".join(schema.get("enum", [schema.get("const")]))
-    return str(schema.get("format") or schema.get("type") or "")
-
-
-def _sample(media: Node) -> str:
-    if (example := media.get("example")) is None:
-        return ""
-    text = example if isinstance(example, str) else json.dumps(example, indent=2)
-    return f"<pre>{escape(text)}</pre>"
-
-
 router = APIRouter(include_in_schema=False)
 
 _INSTALLED = Path(__file__).parent / "manual"
@@ -188,7 +126,16 @@ def get_document(request: Request) -> Response:
 
 @router.get("/docs")
 def get_reference(request: Request, context: UsesContext) -> Response:
-    return _page(request, context, "API", "".join(_lines(request.app.openapi())))
+    return render(
+        request,
+        "reference.html",
+        title="API",
+        caller=find_session(request, context),
+        document=request.app.openapi(),
+        also_accepts=ALSO_ACCEPTS,
+        resolve=resolve,
+        write=partial(json.dumps, indent=2),
+    )
 
 
 @router.get("/docs/manual")
