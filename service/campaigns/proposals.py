@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from statistics import median
@@ -41,18 +40,24 @@ _PICTURES: Final = (".jpg", ".jpeg", ".png", ".heic")
 _CAMERA_FOLDER: Final = re.compile(r"dcim|\d{3}\w{5}|\d{4}set|\d{3}|dji_\d+_.*", re.IGNORECASE)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CardFrame:
-    """A frame as its header states it; ``scene`` of one that its campaign has already."""
+class FrameOfCard(Form):
+    """A frame as its header states it."""
 
-    name: str
-    size_bytes: float | None = None
-    taken_s: float = 0.0
-    exposure_time_s: float | None = None
-    f_number: float | None = None
-    iso: float | None = None
-    band: str | None = None
-    signal_share: float | None = None
+    name: Annotated[str, Field(min_length=1, max_length=1000)] = told(
+        'Path with "/", from the folder that was chosen.'
+    )
+    size_bytes: Annotated[Number, Field(ge=0)] | None = maybe("To find files that a campaign holds already.")
+    taken_s: Number = told("When it was taken, since 1970 [s]; a local time counts as UTC.", default=0.0)
+    exposure_time_s: Positive | None = None
+    f_number: Positive | None = None
+    iso: Positive | None = None
+    band: Text | None = None
+    signal_share: Number | None = maybe("Mean of its centre, as a share of the range from black to white.")
+
+
+class CardFrame(FrameOfCard):
+    """The same with its role; ``scene`` of one that its campaign has already."""
+
     role: str = ""
     scene: str | None = None
 
@@ -106,17 +111,18 @@ def sort_card(
     ``there`` : frames in scenes of the campaign that these are added to; the scenes go on
     """
     if night:
-        return [replace(frame, role=FIELD.name) for frame in frames]
+        return [frame.model_copy(update={"role": FIELD.name}) for frame in frames]
     roles = {role.name: role for role in _roles(spec)}
     usual = next((role for role in roles.values() if role.has_scene), spec.roles[0])
     words = _words([spec])
     placed = []
     for frame, below in zip(frames, _below_common_folder(frames), strict=True):
         dark = DARK.name if DARK.name in roles and frame.is_dark else None
-        placed.append(replace(below, role=_name_role(frame.name, words) or dark or usual.name))
+        role = _name_role(frame.name, words) or dark or usual.name
+        placed.append(below.model_copy(update={"role": role}))
     lit = [frame for frame in placed if frame.role in roles and roles[frame.role].has_scene]
     scenes = _name_scenes(lit, there)
-    return [replace(frame, scene=scenes.get(frame.name)) for frame in placed]
+    return [frame.model_copy(update={"scene": scenes.get(frame.name)}) for frame in placed]
 
 
 def split_scenes(frames: Iterable[CardFrame]) -> list[list[CardFrame]]:
@@ -179,7 +185,7 @@ def _below_common_folder(frames: Sequence[CardFrame]) -> list[CardFrame]:
     heads = {frame.name.partition("/")[0] if "/" in frame.name else "" for frame in frames}
     if len(heads) != 1 or heads == {""}:
         return list(frames)
-    return [replace(frame, name=frame.name.partition("/")[2]) for frame in frames]
+    return [frame.model_copy(update={"name": frame.name.partition("/")[2]}) for frame in frames]
 
 
 def _folder(path: str) -> str:
@@ -191,21 +197,6 @@ def _list_folders(frames: Iterable[CardFrame]) -> list[str]:
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])
-
-
-class FrameOfCard(Form):
-    """A frame as its header states it."""
-
-    name: Annotated[str, Field(min_length=1, max_length=1000)] = told(
-        'Path with "/", from the folder that was chosen.'
-    )
-    size_bytes: Annotated[Number, Field(ge=0)] | None = maybe("To find files that a campaign holds already.")
-    taken_s: Number = told("When it was taken, since 1970 [s]; a local time counts as UTC.", default=0.0)
-    exposure_time_s: Positive | None = None
-    f_number: Positive | None = None
-    iso: Positive | None = None
-    band: Text | None = None
-    signal_share: Number | None = maybe("Mean of its centre, as a share of the range from black to white.")
 
 
 class CardAsked(Form):
@@ -257,7 +248,7 @@ def propose_frames(
         if camera is not None:
             held = [x.name for x in METHODS if in_force(session, camera_id=camera.id, method=x.name, at=now)]
         holders = _find_holders(session, camera) if camera is not None else {}
-    frames = [CardFrame(**each.model_dump()) for each in body.frames]
+    frames = [CardFrame(**each.model_dump(exclude_none=True)) for each in body.frames]
     best, night, looks_like_night = choose_methods(frames, held)
     if method is None:
         night_asked = looks_like_night if kind is None else kind == "measurement"
@@ -292,13 +283,12 @@ def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
             FrameRow.campaign_id == campaign.id, FrameRow.scene.is_not(None), FrameRow.withdrawn_at.is_(None)
         )
     )
-    return [
-        CardFrame(
-            name=row.name, taken_s=_read_s(row.taken_at), **{name: getattr(row, name) for name in names}
-        )
-        for row in rows
-        if row.taken_at is not None
-    ]
+    found = []
+    for row in rows.mappings():
+        said = {name: value for name, value in row.items() if value is not None}
+        if taken_at := said.pop("taken_at", None):
+            found.append(CardFrame(taken_s=_read_s(taken_at), **said))
+    return found
 
 
 def _find_holders(session: Session, camera: Camera) -> dict[_Key, str]:

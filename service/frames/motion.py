@@ -1,6 +1,5 @@
 """The image motion of a campaign's frames from the attitudes that their files record."""
 
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
@@ -13,7 +12,6 @@ from radiometry.frame import FrameHeader
 from radiometry.tools.motion import (
     USUAL_LIMIT_PX,
     Basis,
-    FrameBlur,
     MotionCase,
     blur_of_file,
     compute_motion,
@@ -23,31 +21,17 @@ from service.http import lookup, operations, tables
 from service.http.auth import Reader
 from service.http.models import Answer, Form, maybe, told
 from service.http.problems import wrong
-from service.tools.routes import KM_H_PER_M_S
+from service.tools.routes import KM_H_PER_M_S, refuse_two_speeds
 from store.codec import decode_exposure, decode_header
 from store.tables import Camera, Campaign, FrameRow
 
 
-class FrameOptics(Form):
-    """Optics that convert an angle to pixels; files do not state them reliably."""
+class CampaignOptics(Form):
+    """Optics that convert an angle to pixels, and how the aircraft flew: files say neither reliably."""
 
     pixel_pitch_um: float | None = maybe("Else that of the camera's record.", ge=0.01, le=1e4)
     focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
     limit_px: float = told("Of the theoretical motion.", default=USUAL_LIMIT_PX, ge=1e-3, le=1e5)
-
-    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
-        return MotionCase(
-            pixel_pitch_um=pixel_pitch_um,
-            focal_length_mm=self.focal_length_mm,
-            exposure_time_s=exposure_time_s,
-            distance_m=1.0,  # of no effect on rotation
-            limit_px=self.limit_px,
-        )
-
-
-class CampaignOptics(FrameOptics):
-    """The same for a campaign's frames, and how the aircraft flew, which no file says."""
-
     ground_speed_m_s: float | None = maybe("With distance_m, and only then.", ge=0, le=1e5)
     ground_speed_km_h: float | None = maybe("In place of ground_speed_m_s, never with it.", ge=0, le=1e5)
     distance_m: float | None = maybe("Height above ground; with a speed, and only then.", ge=1e-3, le=1e7)
@@ -56,8 +40,7 @@ class CampaignOptics(FrameOptics):
 
     @model_validator(mode="after")
     def _speed_and_height(self) -> "CampaignOptics":
-        if self.ground_speed_m_s is not None and self.ground_speed_km_h is not None:
-            raise ValueError("give ground_speed_m_s or ground_speed_km_h, not both")
+        refuse_two_speeds(self)
         if (self.speed_m_s is None) != (self.distance_m is None):
             raise ValueError("a ground speed and distance_m are given together or not at all")
         return self
@@ -69,10 +52,14 @@ class CampaignOptics(FrameOptics):
         return self.ground_speed_m_s
 
     def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
-        case = super().case(pixel_pitch_um, exposure_time_s)
-        if self.distance_m is None:
-            return case
-        return replace(case, distance_m=self.distance_m, ground_speed_m_s=self.speed_m_s)
+        return MotionCase(
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=self.focal_length_mm,
+            exposure_time_s=exposure_time_s,
+            distance_m=self.distance_m or 1.0,  # of no effect on rotation
+            ground_speed_m_s=self.speed_m_s,
+            limit_px=self.limit_px,
+        )
 
 
 class FrameMotionRow(Answer):
@@ -100,31 +87,6 @@ class FrameMotionRow(Answer):
     within_limit: bool | None = maybe("Whether the theoretical blur is at most limit_px; absent: unknown.")
     missing_code: str | None = None
     missing: str | None = maybe("Why there is no rate, and what to do.")
-
-
-COLUMNS = list(FrameMotionRow.model_fields)
-
-
-def format_forward(case: MotionCase) -> dict[str, Any]:
-    """Format what a frame's exposure alone shows: too long for the speed, whatever the rotation was."""
-    motion = compute_motion(case)
-    said = {"forward_blur_px": motion.forward_blur_px, "tolerable_rate_deg_s": motion.tolerable_rate_deg_s}
-    return said | ({"within_limit": False} if (motion.forward_blur_px or 0.0) > case.limit_px else {})
-
-
-def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
-    rate = blur.turn.tilt_rate_deg_s
-    theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
-    return {
-        "basis": blur.basis,
-        "rotation_rate_deg_s": rate,
-        "yaw_rate_deg_s": blur.turn.yaw_rate_deg_s,
-        "rotation_blur_px": blur.centre_blur_px,
-        "corner_blur_px": blur.corner_blur_px,
-        "theoretical_blur_px": theoretical,
-        "practical_blur_px": theoretical / 2,
-        "within_limit": theoretical <= case.limit_px,
-    }
 
 
 class CampaignMotionAnswer(Answer):
@@ -181,11 +143,14 @@ def get_campaign_motion(
     found = session.scalars(frames.order_by(FrameRow.id))
     rows = [_describe(frame, optics, pitch_um) for frame in found]
     if optics.format == "csv":
-        return Response(tables.write_csv([row.dump() for row in rows], COLUMNS), media_type="text/csv")
+        return Response(
+            tables.write_csv([row.dump() for row in rows], list(FrameMotionRow.model_fields)),
+            media_type="text/csv",
+        )
     return CampaignMotionAnswer.of(rows, optics, pitch_um).respond()
 
 
-def _find_pitch(session: Session, campaign: Campaign, optics: FrameOptics) -> float:
+def _find_pitch(session: Session, campaign: Campaign, optics: CampaignOptics) -> float:
     """As it is asked for, else as the camera's record says it."""
     pitch_um = optics.pixel_pitch_um or session.get_one(Camera, campaign.camera_id).pixel_pitch_um
     if pitch_um is None:
@@ -207,18 +172,38 @@ def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
 
 def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) -> FrameMotionRow:
     """Describe what is known of one frame's motion, and why the rest is not."""
-    row = {name: getattr(frame, name) for name in ("filename", "role", "scene")} | {"frame_id": frame.id}
+    row: dict[str, Any] = {name: getattr(frame, name) for name in ("filename", "role", "scene")}
+    row["frame_id"] = frame.id
     try:
         header, exposure_time_s = _read(frame)
         case = optics.case(pixel_pitch_um, exposure_time_s)
-        row |= {"taken_at": header.taken_at, "exposure_time_s": exposure_time_s} | format_forward(case)
+        motion = compute_motion(case)
+        forward_px = motion.forward_blur_px or 0.0
+        row |= {
+            "taken_at": header.taken_at,
+            "exposure_time_s": exposure_time_s,
+            "forward_blur_px": motion.forward_blur_px,
+            "tolerable_rate_deg_s": motion.tolerable_rate_deg_s,
+            # too long for the speed, whatever the rotation was
+            "within_limit": False if forward_px > case.limit_px else None,
+        }
         blur = blur_of_file(
             header,
             exposure_time_s=exposure_time_s,
             pixel_pitch_um=pixel_pitch_um,
             focal_length_mm=optics.focal_length_mm,
         )
-        row |= format_rotation(case, blur)
+        theoretical = blur.centre_blur_px + forward_px
+        row |= {
+            "basis": blur.basis,
+            "rotation_rate_deg_s": blur.turn.tilt_rate_deg_s,
+            "yaw_rate_deg_s": blur.turn.yaw_rate_deg_s,
+            "rotation_blur_px": blur.centre_blur_px,
+            "corner_blur_px": blur.corner_blur_px,
+            "theoretical_blur_px": theoretical,
+            "practical_blur_px": theoretical / 2,
+            "within_limit": theoretical <= case.limit_px,
+        }
     except InputRejected as error:
         row |= {"missing_code": error.code, "missing": error.message}
     return FrameMotionRow(**row)

@@ -152,6 +152,11 @@ Limit = Annotated[
 ]
 
 
+def refuse_two_speeds(said: Any) -> None:  # noqa: ANN401  a form with both
+    if said.ground_speed_m_s is not None and said.ground_speed_km_h is not None:
+        raise ValueError("give ground_speed_m_s or ground_speed_km_h, not both")
+
+
 class NewMotion(Form):
     """One lens, one exposure, one way of moving. Rates are magnitudes: 0 or more."""
 
@@ -171,8 +176,7 @@ class NewMotion(Form):
 
     @model_validator(mode="after")
     def _one_speed(self) -> "NewMotion":
-        if self.ground_speed_m_s is not None and self.ground_speed_km_h is not None:
-            raise ValueError("give ground_speed_m_s or ground_speed_km_h, not both")
+        refuse_two_speeds(self)
         return self
 
     def case(self) -> MotionCase:

@@ -11,7 +11,7 @@ from sqlalchemy import event
 
 from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
-from service.documents.certificate import list_gaps
+from service.documents.schemas import list_gaps
 from service.documents.dcc import write_dcc
 from service.documents.pages import lay_out
 from service.documents.schemas import CertificateAnswer

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
 from service.documents import dcc
-from service.documents.certificate import list_gaps
+from service.documents.schemas import list_gaps
 from service.documents.dcc import write_dcc
 from service.documents.rendered import render_apart
 from service.documents.schemas import CertificateAnswer

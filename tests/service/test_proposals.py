@@ -10,10 +10,9 @@ pytestmark = pytest.mark.either_database
 
 
 def frame(name, minute=0.0, *, signal=0.3, exposure_time_s=0.01, **more):
-    more = {"f_number": 4.0, "iso": 100.0} | more
-    return CardFrame(
-        name=name, taken_s=1e9 + 60 * minute, signal_share=signal, exposure_time_s=exposure_time_s, **more
-    )
+    said = {"f_number": 4.0, "iso": 100.0, "signal_share": signal, "exposure_time_s": exposure_time_s, **more}
+    known = {key: value for key, value in said.items() if value is not None}
+    return CardFrame(name=name, taken_s=1e9 + 60 * minute, **known)
 
 
 def sort(frames, *, in_force=(), there=()):
