@@ -2,8 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Query, Request, Response
-from pydantic import Field, TypeAdapter
+from fastapi import Depends, Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -37,27 +36,12 @@ router = operations.Router(prefix="/v1", tags=["readings"])
 
 # 1 foot-lambert = 1/pi cd/ft2, 1 footcandle = 1 lm/ft2, with 1 ft = 0.3048 m
 _SI = {"cd/m2": 1.0, "lx": 1.0, "fL": 3.4262590996353905, "fc": 10.763910416709722}
-_ONE = TypeAdapter(NewReading)
-_MANY = TypeAdapter(Annotated[list[NewReading], Field(min_length=1, max_length=MOST_READINGS)])
-
 MeterIds = Annotated[
     list[models.Text] | None,
     Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
 ]
 
-_SCHEMA = NewReading.model_json_schema()
-_SEVERAL = {"type": "array", "items": _SCHEMA, "minItems": 1, "maxItems": MOST_READINGS}
-_CONTENT = {
-    "application/json": {"schema": {"oneOf": [_SCHEMA, _SEVERAL]}},
-    "text/csv": {"schema": {"type": "string"}},
-}
-
-
-async def _body(request: Request) -> list[NewReading] | NewReading:
-    """Read JSON or CSV, by the content type; each bad field or row is named."""
-    return await tables.read_sheet_or_document(
-        request, read_readings, lambda data: (_MANY if isinstance(data, list) else _ONE).validate_python(data)
-    )
+_BODY = tables.OneOrMany(NewReading, MOST_READINGS, read_readings)
 
 
 @router.post(
@@ -65,11 +49,11 @@ async def _body(request: Request) -> list[NewReading] | NewReading:
     status_code=201,
     response_model=ReadingAnswer | ReadingsAnswer,
     responses=problems(409),
-    openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
+    openapi_extra=_BODY.stated,
 )
 def add_campaign_readings(
     campaign_id: lookup.Id,
-    body: Annotated[list[NewReading] | NewReading, Depends(_body)],
+    body: Annotated[list[NewReading] | NewReading, Depends(_BODY)],
     caller: auth.Calibrator,
     session: Session,
     meter_id: MeterIds = None,

@@ -26,10 +26,10 @@ from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.jobs.routes import QUEUES, JobAnswer, reply_queued
+from service.jobs.routes import QUEUES, JobAnswer, queue
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
-from store import blobs, codec, database, files, jobs
+from store import blobs, codec, database, files
 from store.queries.campaigns import find_crop_job, say_asked
 from store.queries.frames import current_roi, region_ids
 from store.tables import Campaign, Crop, FrameRow, Roi
@@ -144,16 +144,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes
         frame = owned(session, FrameRow, frame_id, caller)
         header = require_header(frame)
         bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
-        job = jobs.enqueue(
-            session,
-            kind="extract",
-            subject_id=frame.id,
-            organisation_id=caller.organisation_id,
-            by=caller.key_id,
-            parameters={"polygon": [list(point) for point in polygon.points]},
-            lane=jobs.PREVIEW_LANE,
-        )
-        return reply_queued(session, job, frame)
+        return queue(session, caller, frame, {"polygon": [list(point) for point in polygon.points]})
 
     return writing.run(caller, change)
 
@@ -243,16 +234,8 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> 
         )
     if (kept := find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))) is not None:
         return changes.Reply(status=200, body=JobAnswer.of(kept, frame))
-    job = jobs.enqueue(
-        session,
-        kind="extract",
-        subject_id=frame.id,
-        organisation_id=caller.organisation_id,
-        by=caller.key_id,
-        parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
-        lane=jobs.PREVIEW_LANE,
-    )
-    return reply_queued(session, job, frame)
+    asked = {"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn}
+    return queue(session, caller, frame, asked)
 
 
 @router.get("/crops/{crop_id}.png", **answers.sends_file("image/png"))

@@ -3,6 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import field
 from functools import cached_property
 from typing import Annotated, Any, Final, TypeVar
 
@@ -91,19 +92,18 @@ class Context(Record):
     sessions: signatures.Sessions
     traffic: processes.Traffic
     health: Health
+    attempts: counts.Attempts = field(default_factory=counts.Attempts)
+    refused: counts.Attempts = field(default_factory=lambda: counts.Attempts(free=50))
+    """Requests without a key that is known, of which many are answered late."""
+    presses: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    """How many certificates and plots are made at once, in threads that no other request waits for."""
+    readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    """Large bodies are read one at a time: between any two steps of one the loop gets its turn."""
+    together: Together = field(default_factory=Together)
 
     @cached_property
     def hosts(self) -> connections.Hosts:
         return connections.Hosts(self.settings)
-
-    @cached_property
-    def attempts(self) -> counts.Attempts:
-        return counts.Attempts()
-
-    @cached_property
-    def refused(self) -> counts.Attempts:
-        """Requests without a key that is known, of which many are answered late."""
-        return counts.Attempts(free=50)
 
     @property
     def partials(self) -> Partials:
@@ -116,20 +116,6 @@ class Context(Record):
     @cached_property
     def reviews(self) -> Reviews:
         return Reviews(self.database)
-
-    @cached_property
-    def presses(self) -> CapacityLimiter:
-        """How many certificates and plots are made at once, in threads that no other request waits for."""
-        return CapacityLimiter(2)
-
-    @cached_property
-    def readers(self) -> CapacityLimiter:
-        """Large bodies are read one at a time: between any two steps of one the loop gets its turn."""
-        return CapacityLimiter(1)
-
-    @cached_property
-    def together(self) -> Together:
-        return Together()
 
     @cached_property
     def uses(self) -> counts.Uses:

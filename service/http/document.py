@@ -197,19 +197,21 @@ def _state_headers(operation: Node) -> None:
             }
 
 
-def _drop_titles(node: Any) -> None:  # noqa: ANN401
+def _list_objects(node: Any) -> Iterator[Node]:  # noqa: ANN401
+    """Yield each object of the document before those within it."""
+    if isinstance(node, dict):
+        yield node
+    for member in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from _list_objects(member)
+
+
+def _drop_titles(document: Node) -> None:
     """Drop the titles of fields and parameters: FastAPI makes them of their names. Those of schemas stay."""
-    if isinstance(node, list):
-        for member in node:
-            _drop_titles(member)
-    if not isinstance(node, dict):
-        return
-    named = [*node.get("properties", {}).values(), node.get("schema")]
-    for member in named if isinstance(node.get("properties", {}), dict) else ():
-        if isinstance(member, dict) and "properties" not in member:
-            member.pop("title", None)
-    for member in node.values():
-        _drop_titles(member)
+    for node in _list_objects(document):
+        properties = node.get("properties", {})
+        for member in (*properties.values(), node.get("schema")) if isinstance(properties, dict) else ():
+            if isinstance(member, dict) and "properties" not in member:
+                member.pop("title", None)
 
 
 def _share_problems(document: Node) -> None:
@@ -235,16 +237,13 @@ def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa:
     return _find_example(document, alternatives[0], recorded) if alternatives else None
 
 
-def _absent_is_not_null(node: Any) -> None:  # noqa: ANN401
+def _absent_is_not_null(document: Node) -> None:
     """Remove null from the types of optional fields: it is never sent and never accepted."""
-    if isinstance(node, list):
-        for member in node:
-            _absent_is_not_null(member)
-    if not isinstance(node, dict):
-        return
-    options = node.get("anyOf", [])
-    kept = [option for option in options if option != {"type": "null"}]
-    if len(kept) < len(options) and not node.pop("nullable_on_purpose", False):
+    for node in _list_objects(document):
+        options = node.get("anyOf", [])
+        kept = [option for option in options if option != {"type": "null"}]
+        if len(kept) == len(options) or node.pop("nullable_on_purpose", False):
+            continue
         if len(kept) == 1:
             del node["anyOf"]
             node.update({**kept[0], **node})
@@ -252,5 +251,3 @@ def _absent_is_not_null(node: Any) -> None:  # noqa: ANN401
             node["anyOf"] = kept
         if node.get("default", "") is None:
             del node["default"]
-    for member in node.values():
-        _absent_is_not_null(member)

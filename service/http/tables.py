@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from itertools import islice
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, Generic, TypeVar
 
 from fastapi import Request
-from pydantic import ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from radiometry.findings import interface
 from radiometry.records import Record
@@ -123,6 +123,30 @@ async def read_sheet_or_document(
 ) -> T:
     """Read a body that is a table or JSON, by its content type; each bad field or row is named."""
     return await read_apart(request, read if is_table(request) else partial(read_document, validate=validate))
+
+
+class OneOrMany(Generic[F]):
+    """A body that is one object, a list of them or a table; each bad field is named with its place."""
+
+    def __init__(self, form: type[F], most: int, read: Callable[[bytes], list[F]]) -> None:
+        schema = form.model_json_schema()
+        several = {"type": "array", "items": schema, "minItems": 1, "maxItems": most}
+        content = {
+            "application/json": {"schema": {"oneOf": [schema, several]}},
+            "text/csv": {"schema": {"type": "string"}},
+        }
+        self.stated = {"requestBody": {"required": True, "content": content}}
+        self._one: TypeAdapter[F] = TypeAdapter(form)
+        self._many: TypeAdapter[list[F]] = TypeAdapter(
+            Annotated[list[form], Field(min_length=1, max_length=most)]  # type: ignore[arg-type, valid-type]
+        )
+        self._read = read
+
+    async def __call__(self, request: Request) -> list[F] | F:
+        return await read_sheet_or_document(request, self._read, self._validate)
+
+    def _validate(self, data: Any) -> list[F] | F:  # noqa: ANN401  whatever JSON holds
+        return (self._many if isinstance(data, list) else self._one).validate_python(data)
 
 
 def is_table(request: Request) -> bool:

@@ -135,6 +135,22 @@ def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> c
     return changes.Reply(status=202, body=JobAnswer.of(job, frame), headers=location, jobs=[job])
 
 
+def queue(
+    session: Session, caller: auth.Caller, frame: FrameRow, parameters: dict[str, Any]
+) -> changes.Reply:
+    """Queue a picture or a preview of a frame, which somebody waits for."""
+    job = jobs.enqueue(
+        session,
+        kind="extract",
+        subject_id=frame.id,
+        organisation_id=caller.organisation_id,
+        by=caller.key_id,
+        parameters=parameters,
+        lane=jobs.PREVIEW_LANE,
+    )
+    return reply_queued(session, job, frame)
+
+
 @router.get("", response_model=Page[JobAnswer], responses=problems(404))
 def list_jobs(
     paging: UsesPaging,

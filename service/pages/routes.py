@@ -23,56 +23,6 @@ from service.tools.routes import describe_tools
 from store.queries import calibrations, evidence, fleet
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig, Road
 
-ACTS: Final = {
-    "calibration.create": "fitted a version",
-    "publication.create": "published",
-    "publication.change": "publication replaced",
-    "revocation.create": "revoked a version",
-    "measurement.create": "measured",
-    "campaign.create": "began a campaign",
-    "campaign.change": "edited a campaign",
-    "manifest.create": "listed a card",
-    "frame.create": "added a frame",
-    "frame.change": "changed a frame",
-    "extraction.create": "frame read",
-    "channel_statistics.create": "statistics computed",
-    "coefficient.create": "coefficients stored",
-    "roi.create": "drew a region",
-    "roi.change": "changed a region",
-    "reading.create": "added a reading",
-    "reading.change": "withdrew or restored a reading",
-    "checklist_tick.create": "ticked an item",
-    "checklist_tick.change": "changed an item",
-    "checklist_signature.create": "signed the checklist",
-    "checklist_signature.change": "signed the checklist again",
-    "camera.create": "registered a camera",
-    "camera.change": "edited a camera",
-    "meter.create": "registered a meter",
-    "meter.change": "edited a meter",
-    "panel.create": "registered a panel",
-    "panel.change": "edited a panel",
-    "rig.create": "registered a rig",
-    "rig.change": "edited a rig",
-    "road.create": "registered a road",
-    "road.change": "edited a road",
-    "road_result.create": "evaluated a road",
-    "purge.create": "began a recall",
-    "purge.change": "worked on a recall",
-    "job.retry": "retried a job",
-    "organisation.retry_jobs": "retried jobs",
-    "organisation.dismiss_jobs": "dismissed failed jobs",
-    "api_key.create": "made a key",
-    "api_key.change": "named or revoked a key",
-    "issued_certificate.create": "issued a certificate",
-    "web_session.create": "signed in",
-    "web_session.change": "session ended",
-    "signing_key.create": "registered a signing key",
-    "organisation.create": "organisation registered",
-    "organisation.change": "edited the organisation",
-}
-"""By action. Other acts on a row are named by their verb."""
-
-
 _PLAIN: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
     "/": ("home", "Start", {}),
     "/cameras": ("cameras", "Cameras", {}),
@@ -85,7 +35,7 @@ _PLAIN: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
     "/rigs": ("rigs", "Rigs", {"method": fleet.METHOD}),
     "/jobs": ("jobs", "Jobs", {}),
     "/organisation": ("organisation/keys", "Keys and sessions", {}),
-    "/organisation/audit": ("organisation/audit", "Audit trail", {"acts": ACTS}),
+    "/organisation/audit": ("organisation/audit", "Audit trail", {}),
     "/organisation/details": ("organisation/details", "Organisation", {}),
 }
 """By address: template, title, and what else a page shows that names nothing of the organisation's."""

@@ -1,11 +1,11 @@
 """The calculators: nothing is stored, the same question always has the same answer."""
 
-from collections.abc import Callable, Collection, Coroutine
+from collections.abc import Collection
 from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Query, Request, Response
-from pydantic import ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.tools import coverage, exponents, motion
 from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
@@ -15,7 +15,15 @@ from service.calibrations.schemas import FlagRaised
 from service.http import auth, changes, models, operations
 from service.http.models import Answer, Form, Number, Quantity, Text
 from service.http.problems import wrong
-from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
+from service.http.tables import (
+    UNREAD,
+    Kind,
+    OneOrMany,
+    is_table,
+    read_sheet,
+    read_sheet_or_document,
+    refuse_columns,
+)
 
 MOST_CASES = 1000
 
@@ -296,23 +304,6 @@ router = operations.Router(prefix="/v1", tags=["tools"])
 stateless = [Depends(_take_key)]
 
 
-def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, list[F] | F]]:
-    """A body that is one object, a list of them or a table; each bad field is named with its place."""
-    one: TypeAdapter[F] = TypeAdapter(form)
-    many: TypeAdapter[list[F]] = TypeAdapter(
-        Annotated[list[form], Field(min_length=1, max_length=MOST_CASES)]  # type: ignore[arg-type, valid-type]
-    )
-
-    async def read(request: Request) -> list[F] | F:
-        return await read_sheet_or_document(
-            request,
-            partial(_read_table, form=form),
-            lambda data: (many if isinstance(data, list) else one).validate_python(data),
-        )
-
-    return read
-
-
 def _read_table(data: bytes, form: type[F]) -> list[F]:
     """Under the names of the fields; a column for what no row says may be left out."""
 
@@ -326,14 +317,8 @@ def _read_table(data: bytes, form: type[F]) -> list[F]:
     return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields)
 
 
-def _body_of(form: type[models.Form]) -> dict[str, Any]:
-    schema = form.model_json_schema()
-    several = {"type": "array", "items": schema, "minItems": 1, "maxItems": MOST_CASES}
-    content = {
-        "application/json": {"schema": {"oneOf": [schema, several]}},
-        "text/csv": {"schema": {"type": "string"}},
-    }
-    return {"requestBody": {"required": True, "content": content}}
+def _take_one_or_many(form: type[F]) -> OneOrMany[F]:
+    return OneOrMany(form, MOST_CASES, partial(_read_table, form=form))
 
 
 async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:
@@ -353,16 +338,17 @@ def _body_of_series() -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": content}}
 
 
-Motions = Annotated[list[NewMotion] | NewMotion, Depends(_read_one_or_many(NewMotion))]
+_MOTIONS, _COVERAGES = _take_one_or_many(NewMotion), _take_one_or_many(NewCoverage)
+Motions = Annotated[list[NewMotion] | NewMotion, Depends(_MOTIONS)]
 Exposures = Annotated[NewExposureSeries, Depends(_read_exposures)]
-Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many(NewCoverage))]
+Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_COVERAGES)]
 
 
 @router.post(
     "/tools/motion",
     response_model=MotionAnswer | MotionsAnswer,
     dependencies=stateless,
-    openapi_extra=_body_of(NewMotion),
+    openapi_extra=_MOTIONS.stated,
 )
 def compute_image_motion(body: Motions, _caller: auth.Reader) -> Response:
     """Image motion from speed and rotation, theoretical and practical; what is tolerable.
@@ -379,7 +365,7 @@ def compute_image_motion(body: Motions, _caller: auth.Reader) -> Response:
     "/tools/coverage",
     response_model=CoverageAnswer | CoveragesAnswer,
     dependencies=stateless,
-    openapi_extra=_body_of(NewCoverage),
+    openapi_extra=_COVERAGES.stated,
 )
 def compute_ground_coverage(body: Coverages, _caller: auth.Reader) -> Response:
     """Compute what a tilted or nadir camera sees of level ground, and how finely.

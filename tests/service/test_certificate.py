@@ -11,10 +11,9 @@ from sqlalchemy import event
 
 from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
-from service.documents.schemas import list_gaps
 from service.documents.dcc import write_dcc
 from service.documents.pages import lay_out
-from service.documents.schemas import CertificateAnswer
+from service.documents.schemas import CertificateAnswer, list_gaps
 from store.tables import FrameRow
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import LABORATORY, METER, WORK, certificate_of, complete_version, name_person

@@ -10,10 +10,9 @@ from jsonschema import Draft202012Validator
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
 from service.documents import dcc
-from service.documents.schemas import list_gaps
 from service.documents.dcc import write_dcc
 from service.documents.rendered import render_apart
-from service.documents.schemas import CertificateAnswer
+from service.documents.schemas import CertificateAnswer, list_gaps
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of, find_misprints, leaves
 from tests.support.dcc import read_dcc
