@@ -16,7 +16,6 @@ from service.http.models import (
     Clearable,
     Flag,
     Form,
-    Instant,
     LongText,
     Positive,
     PositiveText,
@@ -143,18 +142,17 @@ class SunshineMissing(Answer):
     detail: str
 
 
-class FrameAnswer(Answer):
-    id: str
-    campaign_id: str
-    sha256: str
+class FrameAnswer(
+    Answer,
+    restates=FrameRow,
+    fields="id campaign_id sha256 filename scene roi_id exposure_time_s f_number iso withdrawn_at warnings "
+    "created_at",
+):
     size_bytes: int | None = None
     stored_file: blobs.Damage | None = maybe(
         "What the disk did to the file: upload it again, which heals it."
     )
-    filename: str
     role: Role
-    scene: str | None = None
-    roi_id: str | None = None
     roi_origin: Literal["drawn", "found"] | None = maybe(
         "Of the frame's own region: drawn by a person, or found on a panel."
     )
@@ -168,9 +166,6 @@ class FrameAnswer(Answer):
     supplied: dict[str, float] | None = None
     state: campaign.FrameState
     camera: CameraAsRead | None = None
-    exposure_time_s: float | None = None
-    f_number: float | None = None
-    iso: float | None = None
     exposure: dict[str, Any] | None = maybe("Nominal and APEX values and their origin.")
     black_level_dn: float | None = maybe("Mean over the sites of the CFA pattern.")
     white_level_dn: float | None = maybe("The lowest of the sites.")
@@ -187,15 +182,12 @@ class FrameAnswer(Answer):
     )
     refusal: Refusal | None = None
     left_out: dict[str, str] | None = maybe("Who left it out, and why.")
-    withdrawn_at: Instant | None = None
-    warnings: list[str]
     statistics: list[StatisticsRow]
     verdict: VerdictAnswer | None = maybe(
         "Of the campaign as it is now. Left out where an upload or a change "
         "finds nothing to do: ask for the frame."
     )
     job_id: str | None = maybe("The newest job that reads it.")
-    created_at: Instant
 
     @classmethod
     def of(
@@ -210,11 +202,9 @@ class FrameAnswer(Answer):
         refusal = None
         if row.refusal_code is not None:
             refusal = Refusal(code=row.refusal_code, detail=row.refusal_detail or "")
-        return cls(
-            **{name: getattr(row, name) for name in _FROM_ROW},
-            **_from_header(row.header),
-            **_from_band(row.header),
-            **_from_found(row),
+        return cls.restate(
+            _from_header(row.header) | _from_band(row.header) | _from_found(row),
+            row,
             supplied=row.supplied or None,
             size_bytes=blob.size_bytes,
             stored_file=blob.damage,
@@ -223,12 +213,6 @@ class FrameAnswer(Answer):
             verdict=VerdictAnswer.model_validate(verdict) if verdict else None,
             job_id=job_id,
         )
-
-
-_FROM_ROW = (
-    *("id", "campaign_id", "sha256", "filename", "role", "scene", "roi_id", "state", "exposure_time_s"),
-    *("f_number", "iso", "exposure", "warnings", "created_at", "left_out", "withdrawn_at"),
-)
 
 
 def _from_found(row: FrameRow) -> dict[str, Any]:
@@ -243,7 +227,7 @@ def _from_found(row: FrameRow) -> dict[str, Any]:
 
 def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:
     if header is None:
-        return {}
+        return {"metadata": None}
     said = {name: value for name, value in header.items() if value is not None}
     return {
         "camera": CameraAsRead.model_validate({n: said.get(n) for n in CameraAsRead.model_fields}),

@@ -1,9 +1,8 @@
 """Waiting for jobs and following jobs and campaigns, at the cost of one look a tick for all who wait."""
 
 import asyncio
-from collections import Counter
-from collections.abc import AsyncIterator
-from contextlib import suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -47,8 +46,9 @@ _GONE: Final = Event(kind="end", id="", data={"code": "service_stopping"}, final
 class _Follower:
     kind: Kind
     subject_id: str
-    who: Who
-    seen: str
+    who: Who | None
+    """None of who waits for a job alone, whose right is not asked for again."""
+    seen: str = ""
     news: Event | None = None
     woken: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -63,7 +63,6 @@ class JobWatch:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._waiting: dict[str, set[asyncio.Future[None]]] = {}
         self._followers: set[_Follower] = set()
         self._newcomer = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -73,15 +72,12 @@ class JobWatch:
         """Return when the job has ended, when the time is over, or when nobody is to wait any more."""
         if self._released:
             return
-        told: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._waiting.setdefault(job_id, set()).add(told)
-        self._begin()
-        try:
-            await asyncio.wait([told], timeout=timeout_s)
-        finally:
-            self._waiting[job_id].discard(told)
-            if not self._waiting[job_id]:
-                del self._waiting[job_id]
+        waiting = _Follower(kind="job", subject_id=job_id, who=None)
+        with self._following(waiting), suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                while not self._released and not (waiting.news and waiting.news.final):
+                    await waiting.woken.wait()
+                    waiting.woken.clear()
 
     def admit(self, who: Who) -> None:
         """Refuse a stream beyond those that one key may have in this process."""
@@ -90,7 +86,8 @@ class JobWatch:
             raise Problem(interface.TOO_MANY_STREAMS, detail, headers={"Retry-After": "15"})
 
     def _is_full(self, who: Who) -> bool:
-        return Counter(each.who.key_id for each in self._followers)[who.key_id] >= MOST_STREAMS
+        mine = [each for each in self._followers if each.who and each.who.key_id == who.key_id]
+        return len(mine) >= MOST_STREAMS
 
     async def follow(
         self, kind: Kind, subject_id: str, who: Who, *, seen: str = ""
@@ -99,11 +96,7 @@ class JobWatch:
         if self._is_full(who):  # others were admitted at the same moment
             yield _CROWDED
             return
-        follower = _Follower(kind=kind, subject_id=subject_id, who=who, seen=seen)
-        self._followers.add(follower)
-        self._newcomer.set()
-        self._begin()
-        try:
+        with self._following(_Follower(kind=kind, subject_id=subject_id, who=who, seen=seen)) as follower:
             while not self._released:
                 try:
                     await asyncio.wait_for(follower.woken.wait(), _HEARTBEAT_S)
@@ -116,46 +109,45 @@ class JobWatch:
                     if follower.news.final:
                         return
             yield _GONE
-        finally:
-            self._followers.discard(follower)
 
     def release(self) -> None:
         """Release all requests that wait or follow, and those that will."""
         self._released = True
-        self._tell(list(self._waiting))
         for follower in self._followers:
             follower.woken.set()
 
-    def _begin(self) -> None:
+    @contextmanager
+    def _following(self, follower: _Follower) -> Iterator[_Follower]:
+        self._followers.add(follower)
+        if follower.who is not None:
+            self._newcomer.set()
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._look())
+        try:
+            yield follower
+        finally:
+            self._followers.discard(follower)
 
     async def _look(self) -> None:
         tick_s = _TICK_S
-        while self._waiting or self._followers:
+        while self._followers:
             self._newcomer.clear()
-            jobs = {*self._waiting, *(each.subject_id for each in self._followers if each.kind == "job")}
+            jobs = {each.subject_id for each in self._followers if each.kind == "job"}
             campaigns = {each.subject_id for each in self._followers if each.kind == "campaign"}
-            callers = {each.who for each in self._followers}
+            callers = {each.who for each in self._followers if each.who}
             try:
                 events, in_force = await run_in_threadpool(self._read, jobs, campaigns, callers)
-                self._tell([name for name in self._waiting if name in events and events[name].final])
                 for each in self._followers:
-                    is_old = each.who not in callers
-                    each.tell(events.get(each.subject_id) if is_old or each.who in in_force else _REVOKED)
-                tick_s = _TICK_S if self._waiting else _FOLLOWING_TICK_S
+                    is_refused = each.who in callers and each.who not in in_force
+                    each.tell(_REVOKED if is_refused else events.get(each.subject_id))
+                waiting = any(each.who is None for each in self._followers)
+                tick_s = _TICK_S if waiting else _FOLLOWING_TICK_S
             except SQLAlchemyError:
                 # Whoever waits is told when it is back; every other request says meanwhile that it is away.
                 tick_s = min(2 * tick_s, _LONGEST_TICK_S)
             with suppress(TimeoutError):
                 # who begins to follow is told the first state at once
                 await asyncio.wait_for(self._newcomer.wait(), tick_s)
-
-    def _tell(self, job_ids: list[str]) -> None:
-        for job_id in job_ids:
-            for told in self._waiting.get(job_id, ()):
-                if not told.done():
-                    told.set_result(None)
 
     def _read(
         self, jobs: set[str], campaigns: set[str], callers: set[Who]
