@@ -110,7 +110,6 @@ def main() -> int:
 def _serve(
     app: FastAPI, settings: Settings, files: int, pulse: Pulse, listening: socket | None = None
 ) -> None:
-    """Serve until a signal; the process ends with it."""
     context: Context = app.state.context
     connections = Connections(files=files, per_peer=settings.connections_per_peer)
     config = uvicorn.Config(

@@ -41,7 +41,6 @@ def main() -> int:
 
 
 def give_grace(roster: run.Roster, grace_s: float) -> run.Roster:
-    """Return the roster with as long a stop for every part as its own grace takes."""
     parts = [replace(part, stop_within_s=grace_s + _TO_END_S) for part in roster.parts]
     return replace(roster, parts=parts)
 

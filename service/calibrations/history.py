@@ -174,7 +174,6 @@ class NewCause(Form):
         return self
 
     def named(self) -> dict[str, str]:
-        """The one cause, as it is kept."""
         return self.model_dump(exclude_none=True)
 
 

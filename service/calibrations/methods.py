@@ -97,7 +97,6 @@ def describe_parameter(parameter: Parameter) -> str:
 
 
 def make_fields(parameters: Iterable[Parameter]) -> dict[str, tuple[Any, Any]]:
-    """Return the fields of a form by the parameters' names; each may be left out."""
     return {
         each.name: (read_kind(each) | None, models.maybe(describe_parameter(each))) for each in parameters
     }
@@ -156,7 +155,6 @@ FORMS = {spec.name: _make_form(spec) for spec in methods.METHODS}
 
 
 def describe_requests() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the schemas of the methods' forms and their parts by name, and the schema of any of them."""
     _, document = models_json_schema(
         [(form, "validation") for form in FORMS.values()], ref_template="#/components/schemas/{model}"
     )

@@ -296,8 +296,6 @@ _ANSWERS = {"get_camera_json": CameraFile, "get_odm_cameras": OdmCameras}
 
 
 def _add(method: str, export: Export) -> None:
-    """Add the route of an export; its name is that of the operation."""
-
     def send(
         calibration_id: lookup.Id,
         request: Request,

@@ -164,7 +164,6 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, 
 
 
 def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: ExpectedFrame) -> None:
-    """Refuse a change of frames that another user has changed since they were seen."""
     said = expected.model_dump(exclude_none=True)
     for frame in frames:
         found: dict[str, Any] = {

@@ -29,7 +29,6 @@ _FRACTION = re.compile(r"1/(\d+(?:\.\d+)?)")
 
 
 def _read_fraction(sent: Any) -> Any:  # noqa: ANN401  whatever was sent
-    """Return the number of a text such as 1/60."""
     found = _FRACTION.fullmatch(sent) if isinstance(sent, str) else None
     return 1.0 / float(found[1]) if found and float(found[1]) else sent
 
@@ -113,7 +112,6 @@ _NEEDED: Final = ("filename", *_USUAL, "mean_dn", "min_dn", "max_dn", "pixels")
 
 
 def read_points(data: bytes, told: PointsTable) -> tuple[list[NewPoint], list[str]]:
-    """Return the rows of a table, and its columns that were not read."""
     usual = told.model_dump(include=set(_USUAL), exclude_none=True)
     ignored: list[str] = []
 

@@ -167,7 +167,6 @@ def _roles(spec: MethodSpec) -> tuple[Role, ...]:
 
 
 def _words(specs: Iterable[MethodSpec]) -> list[str]:
-    """Return the roles that a folder or a file may be named after."""
     return [*dict.fromkeys(role.name for spec in specs for role in spec.roles if not role.has_scene)]
 
 

@@ -21,7 +21,6 @@ _KIND = tables.Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="
 
 
 def read_readings(data: bytes) -> list[NewReading]:
-    """Readings, one a line, under the names of their columns."""
     return tables.read_sheet(data, NewReading, _KIND, _name_fields)
 
 

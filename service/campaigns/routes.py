@@ -96,7 +96,6 @@ class ChecklistAnswer(Answer):
 
 
 def explain_missing_checklist(campaign: Campaign) -> str:
-    """Why a campaign has no items."""
     kind = "night of measurements" if campaign.measures else f"{campaign.method} campaign"
     return f"The printed checklist is that of the luminance procedure; a {kind} has none."
 

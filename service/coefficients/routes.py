@@ -46,7 +46,6 @@ class Wanted(models.Form):
 
     @property
     def chosen(self) -> dict[str, Any]:
-        """The members that choose from the coefficients of a version."""
         names = ("name", "iso", "band", "f_number")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 

@@ -37,7 +37,6 @@ class Column:
 
 
 def describe_columns(row: type[models.Answer]) -> tuple[Column, ...]:
-    """Return the columns of a series, as the schema of its rows states them."""
     columns = []
     for name, field in row.model_fields.items():
         stated = {field.annotation, *get_args(field.annotation)}

@@ -55,7 +55,6 @@ def amend(amends: schemas.Amended, reason: str) -> str:
 def list_statements(
     spec: MethodSpec, vignetting: str, parameters: Mapping[str, Any], result: Mapping[str, Any]
 ) -> list[str]:
-    """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
         _RELATES,
@@ -74,7 +73,6 @@ def format_traceability(
     panels: Sequence[schemas.UsedPanel],
     scope: Scope | None,
 ) -> str:
-    """Return the sentence on the certificates that link the coefficients to their units."""
     if scope == "relative_only":
         return _RELATIVE
     if spec.reference == "meter":
@@ -229,7 +227,6 @@ def build_certificate(
 
 
 def list_published(record: CalibrationRecord) -> list[schemas.PublishedBy]:
-    """Return every publication of a version, oldest first."""
     return [
         schemas.PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
         for act in record.acts

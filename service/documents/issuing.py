@@ -61,7 +61,6 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
 def build_issued(
     session: Session, record: CalibrationRecord, caller: Caller, publication: NewPublication
 ) -> schemas.CertificateAnswer:
-    """Build the certificate that a publication by this caller would issue now."""
     now, earlier = utc_now(), publications.list_issued(session, record.calibration.id)
     amends = schemas.Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
     act = schemas.PublishedBy.restate(publication, by=caller.named, at=now)
@@ -108,7 +107,6 @@ class Backlog:
 
 
 def gather(context: Context, session: Session, calibration: Calibration) -> CalibrationRecord:
-    """Return all that the certificate of a version states."""
     state = context.reviews.find(session, calibration.campaign_id).record
     return read_calibration_record(session, calibration, state)
 

@@ -134,7 +134,6 @@ def _state(row: Node) -> list[str]:
 
 
 def _tabulate(spec: MethodSpec, rows: list[Node]) -> Node:
-    """Return a table of coefficients and what each is valid for, in the version's order."""
     printed = [
         [
             spec.label_coefficient(row["name"]),
@@ -171,7 +170,6 @@ def _item(certificate: Node) -> list[list[str]]:
 
 
 def _list_work(certificate: Node) -> list[list[str]]:
-    """Return where, when and by whom."""
     work = certificate["work"]
     days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
     source = {"readings": "", "campaign": " (as stated for the campaign)", "frames": " (camera clock)"}[
@@ -213,7 +211,6 @@ def _tabulate_meters(meters: list[Node]) -> Node:
 
 
 def _count_evidence(certificate: Node) -> str:
-    """Return how many scenes, readings and frames there are, and how far the checklist is."""
     roles = Counter(frame["role"] for frame in certificate["frames"])
     scenes = {frame["scene"] for frame in certificate["frames"] if "scene" in frame}
     counts = [
@@ -267,7 +264,6 @@ def _list_validity(certificate: Node) -> list[list[str]]:
 
 
 def _list_signatures(certificate: Node) -> list[list[str]]:
-    """Return who fitted and who approved: a person with role and day, or else a line to fill in."""
     acts = certificate["published"]
     signed = [
         ("Fitted by", certificate.get("fitted_by"), certificate["created_at"]),
@@ -321,7 +317,6 @@ def _show_result(spec: MethodSpec, certificate: Node) -> Iterator[Node]:
 
 
 def _list_parameters(spec: MethodSpec, certificate: Node) -> list[list[str]]:
-    """Return the configuration, target and parameters, one line each."""
     named = {each.field: each for each in spec.parameters}
     rows = [
         *_flatten({name: value for name, value in certificate["configuration"].items() if name != "lens"}),
@@ -355,7 +350,6 @@ def _format(value: object) -> str:
 
 
 def _budgets(certificate: Node) -> Iterator[Node]:
-    """Yield the budgets of the headline coefficients as rows of one table."""
     explained = any("input_uncertainty" in line for each in certificate["budgets"] for line in each["lines"])
     rows: list[list[str]] = []
     for budget in certificate["budgets"]:
@@ -458,7 +452,6 @@ def _signal(frame: Node) -> str:
 
 
 def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
-    """Return a table of points, used or not."""
     if not points:
         return flow("None.")
     rows = [[*(_cell(point, column) for column in columns), point["left_out"] or "used"] for point in points]

@@ -35,13 +35,11 @@ def start_threads() -> None:
 
 
 def add_code(sheets: dict[str, Any]) -> dict[str, Any]:
-    """Add the command to verify with as a QR code."""
     code = zxingcpp.create_barcode(sheets["verify"], zxingcpp.BarcodeFormat.QRCode)
     return sheets | {"code": code.to_svg()}
 
 
 def typeset(sheets: dict[str, Any]) -> bytes:
-    """Set the sheets of `lay_out` or `lay_out_report`."""
     sheets = add_code(sheets) if "verify" in sheets else sheets
     try:
         return _set(sheets, _STANDARD)
@@ -70,6 +68,5 @@ _RENDERERS: Final[dict[str, Callable[[dict[str, Any]], bytes]]] = {
 
 
 def render(order: bytes) -> bytes:
-    """Return the file that was ordered."""
     read = json.loads(order)
     return _RENDERERS[read["kind"]](read)

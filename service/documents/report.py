@@ -67,7 +67,6 @@ class Reported(Record):
 
 
 def lay_out_report(measurement: Node, reported: Reported) -> Node:
-    """Return everything that the report's template sets, from a measurement as it is answered."""
     number, repeats = measurement["id"], len(measurement.get("frame_ids", [""])) - 1
     more = f" and {repeats} more of the same scene" if repeats else ""
     return {

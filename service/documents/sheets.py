@@ -77,7 +77,6 @@ def stamp(moment: str) -> str:
 
 
 def optional(row: dict[str, Any], name: str, form: Any = str) -> str:  # noqa: ANN401  a callable
-    """Format a value that may be absent: then a dash."""
     return form(row[name]) if name in row else "-"
 
 
@@ -127,7 +126,6 @@ def draw_region(
     thin: Sequence[Sequence[Sequence[float]]] = (),
     style: str = 'fill="#ffd400" fill-opacity="0.12" stroke="#ffd400"',
 ) -> str:
-    """SVG of a frame's preview with the parts of its region on it, in the frame's own pixels."""
     picture = base64.b64encode(png).decode()
     stroke = max(width_px, height_px) / 300
     outlines = "".join(

@@ -324,7 +324,6 @@ _Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
 def _orient_sets(
     rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
 ) -> tuple[Rig, _Oriented, list[determinations.LeftOut]]:
-    """Return the rig, its newest sets with their orientations, and the versions that are in none."""
     rig, sets, left_out = _find_sets(rig_id, caller, context, calibration_ids)
     found, why = [], list(left_out)
     for members in sets[-MOST_SETS:]:

@@ -151,7 +151,6 @@ def get_campaign_motion(
 
 
 def _find_pitch(session: Session, campaign: Campaign, optics: CampaignOptics) -> float:
-    """As it is asked for, else as the camera's record says it."""
     pitch_um = optics.pixel_pitch_um or session.get_one(Camera, campaign.camera_id).pixel_pitch_um
     if pitch_um is None:
         raise wrong("query.pixel_pitch_um", "is missing, and the camera's record does not say it either")
@@ -171,7 +170,6 @@ def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
 
 
 def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) -> FrameMotionRow:
-    """Describe what is known of one frame's motion, and why the rest is not."""
     row: dict[str, Any] = {name: getattr(frame, name) for name in ("filename", "role", "scene")}
     row["frame_id"] = frame.id
     try:

@@ -70,7 +70,6 @@ def draw_light_thumbnail(small_preview: bytes, frame_width_px: int, roi: Roi | N
 
 
 def _reduce(preview: bytes, frame_width_px: int, roi: Roi | None) -> tuple[Image.Image, _Outlines]:
-    """Return the small grey picture, and the region's outlines in its pixels."""
     with Image.open(io.BytesIO(preview)) as opened:
         grey = opened.convert("L")
     grey.thumbnail((WIDEST_PX, WIDEST_PX), reducing_gap=2.0)
@@ -80,7 +79,6 @@ def _reduce(preview: bytes, frame_width_px: int, roi: Roi | None) -> tuple[Image
 
 
 def _take_small(encoded: Iterable[bytes]) -> bytes:
-    """Return the first that is small enough, else the last."""
     picture = b""
     for picture in encoded:
         if len(picture) <= _MOST_BYTES:

@@ -195,7 +195,6 @@ def require_preview(frame: FrameRow) -> str:
 
 
 def require_header(frame: FrameRow) -> dict[str, Any]:
-    """Return the metadata of a frame that has been read, as one that was refused for its region has."""
     if frame.header is None:
         detail = f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it."
         raise Problem(shared.FRAME_NOT_READ, detail, status=409, retryable=frame.state == "received")

@@ -67,7 +67,6 @@ def sends(model: Any, *statuses: int) -> dict[str, Any]:  # noqa: ANN401  a type
 
 
 def sends_file(media_type: str) -> dict[str, Any]:
-    """State a route that sends a file."""
     schema = {"type": "string", "format": "binary"}
     if media_type.startswith("text/"):
         schema = {"type": "string"}

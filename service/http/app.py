@@ -35,14 +35,7 @@ from service.roads import routes as roads
 from service.system import routes as system
 from service.tools import routes as tools
 from service.uploads import routes as uploads
-from store.database import (
-    Database,
-    SchemaDiffers,
-    is_about_missing_parts,
-    is_full,
-    require_own_schema,
-    summarise,
-)
+from store import database
 from store.software import read_version
 
 _SHOWN = [
@@ -55,7 +48,6 @@ log = logging.getLogger(__name__)
 
 
 def build_app(context: Context) -> FastAPI:
-    """Put the application together around what it needs of the world."""
     app = FastAPI(
         title="stilb",
         version=read_version(),
@@ -142,19 +134,19 @@ def _install_database_problem(app: FastAPI) -> None:
     @app.exception_handler(ProgrammingError)
     @app.exception_handler(InterfaceError)
     @app.exception_handler(NoConnectionFree)
-    @app.exception_handler(SchemaDiffers)
+    @app.exception_handler(database.SchemaDiffers)
     async def unavailable(request: Request, error: SQLAlchemyError) -> Response:
-        if isinstance(error, (OperationalError, ProgrammingError)) and is_about_missing_parts(error):
+        if isinstance(error, (OperationalError, ProgrammingError)) and database.is_about_missing_parts(error):
             # Our own mistake, unless the schema was changed under us.
             differs = await run_in_threadpool(_find_other_schema, request.app.state.context.database)
             if differs is None:
                 raise error
             error = differs
-        log.warning("the database cannot be used: %s", summarise(error))
-        if is_full(error):
+        log.warning("the database cannot be used: %s", database.summarise(error))
+        if database.is_full(error):
             detail = "The service has no space left to store this. Try again later."
             return problems.answer(Problem(interface.STORAGE_FULL, detail, headers={"Retry-After": "10"}))
-        if isinstance(error, SchemaDiffers):
+        if isinstance(error, database.SchemaDiffers):
             code, detail = (
                 interface.SCHEMA_MISMATCH,
                 "The database has the schema of another version. Try again later.",
@@ -164,10 +156,10 @@ def _install_database_problem(app: FastAPI) -> None:
         return problems.answer(Problem(code, detail, headers={"Retry-After": "1"}))
 
 
-def _find_other_schema(database: Database) -> SchemaDiffers | None:
+def _find_other_schema(asked: database.Database) -> database.SchemaDiffers | None:
     try:
-        with database.reading() as session:
-            require_own_schema(session)
-    except SchemaDiffers as found:
+        with asked.reading() as session:
+            database.require_own_schema(session)
+    except database.SchemaDiffers as found:
         return found
     return None

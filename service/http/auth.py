@@ -39,7 +39,6 @@ class Caller(organisations.Holder):
 
     @property
     def named(self) -> str:
-        """Return who asks as documents name them."""
         return self.person.name if self.person else organisations.UNNAMED
 
     @property
@@ -104,7 +103,6 @@ def _count_refusal(request: Request) -> float:
 
 
 async def _wait(request: Request, late_s: float) -> None:
-    """Wait, unless who asked has left."""
     with suppress(TimeoutError):
         async with asyncio.timeout(late_s):
             while (await request.receive())["type"] != "http.disconnect":
@@ -112,7 +110,6 @@ async def _wait(request: Request, late_s: float) -> None:
 
 
 async def _find_holder(request: Request, secret: str) -> Caller:
-    """Return who asks by the key that is sent."""
     context: Context = request.app.state.context
     found = await organisations.find_holder(context.database, secret, noted_since=utc_now() - counts.STEP)
     if found is None:

@@ -32,7 +32,6 @@ class Hosts:
 
     @property
     def are_listed(self) -> bool:
-        """Return True if host names are configured; others are then refused."""
         return bool(self._schemes)
 
     def is_listed(self, host: str) -> bool:

@@ -33,7 +33,6 @@ class Uses:
         self._tried_at: dict[str, float] = {}
 
     def note(self, table: type[ApiKey | WebSession], row_id: str) -> None:
-        """Write down that a key or a session is used just now."""
         now = utc_now()
         if not self._may_try(row_id):
             return
@@ -56,7 +55,6 @@ class Uses:
 
 
 def is_unnoted(row: ApiKey | WebSession) -> bool:
-    """Return whether a use just now is to be written down."""
     return row.last_used_at is None or row.last_used_at < utc_now() - STEP
 
 
@@ -94,7 +92,6 @@ class Attempts:
         self._right: OrderedDict[bytes, None] = OrderedDict()
 
     def fail(self, who: str) -> None:
-        """Count a failure of an address, or of a key that may not sign in."""
         with self._lock:
             found = self._failures.get(who)
             count = (0 if found is None or self._is_forgotten(found) else found.count) + 1
@@ -114,7 +111,6 @@ class Attempts:
         return min(max(0.0, total.last_at + longest_s - self._clock()), longest_s)
 
     def tell(self) -> dict[str, tuple[int, float]]:
-        """Return the newest failures that this process has seen, for the others."""
         with self._lock:
             newest = list(self._failures.items())[-_MOST_TOLD:]
         over = self._clock() - LONGEST_WAIT_S
@@ -129,14 +125,12 @@ class Attempts:
             self._others = heard
 
     def trust(self, secret: str) -> None:
-        """Remember that a key was right."""
         name = _hash(secret)
         with self._lock:
             self._right[name] = None
             _keep_newest(self._right, name)
 
     def is_trusted(self, secret: str) -> bool:
-        """Return whether this very key was right lately."""
         with self._lock:
             return _hash(secret) in self._right
 
@@ -205,13 +199,11 @@ class Rates:
         )
 
     def used(self, organisation_id: str) -> int:
-        """Return how many requests of the last minute there were."""
         with self._lock:
             _, counts, share = self._look(organisation_id)
             return math.ceil(counts.before * share + counts.now)
 
     def tell(self) -> dict[str, tuple[int, int, int]]:
-        """Return what this process has counted lately, for the others."""
         with self._lock:
             minute = self._clock() // _MINUTE_S
             return {name: astuple(each) for name, each in self._counts.items() if each.minute >= minute - 1}

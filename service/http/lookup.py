@@ -38,7 +38,6 @@ def owned(
 
 
 def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, caller: auth.Caller) -> Base:
-    """Return the caller's row of one of these tables with this id; 404 otherwise."""
     for table in tables:
         if (row := _find(session, table, row_id, caller)) is not None:
             return row

@@ -141,12 +141,10 @@ Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 
 def told(sentence: str, **more: Any) -> Any:  # noqa: ANN401  as pydantic's
-    """Return a field with its sentence."""
     return Field(description=sentence, **more)
 
 
 def maybe(sentence: str, **more: Any) -> Any:  # noqa: ANN401  as pydantic's
-    """Return a field that may be left out, or be absent, with its sentence."""
     return told(sentence, default=None, **more)
 
 
@@ -341,7 +339,6 @@ class FindingGroupAnswer(Answer, restates=FindingGroup, without="values"):
 
 
 def group_flags(raised: Iterable[Mapping[str, Any]]) -> list[FindingGroupAnswer]:
-    """Return stored flags with equal ones as one."""
     groups = group_findings(
         Occurrence(
             finding=FINDINGS[each["flag"]], severity="warn", subject=each["where"], detail=each["detail"]

@@ -75,7 +75,6 @@ class Operation(APIRoute):
 
 
 def list_calls(dependant: Dependant) -> Iterator[Callable[..., Any] | None]:
-    """List what is called before a route, to any depth."""
     for each in dependant.dependencies:
         yield each.call
         yield from list_calls(each)

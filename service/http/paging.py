@@ -26,7 +26,6 @@ _LARGEST_KEY = 2**63 - 1
 
 
 def write_cursor(place: Sequence[object]) -> str:
-    """Return a place in a list as text for an address."""
     return base64.urlsafe_b64encode(json.dumps(place, separators=(",", ":")).encode()).decode().rstrip("=")
 
 

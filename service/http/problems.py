@@ -128,7 +128,6 @@ def problem_body(
     retryable: bool = False,
     **extra: Any,  # noqa: ANN401
 ) -> dict[str, Any]:
-    """The members of RFC 9457, and ours: code and retryable."""
     return {
         "type": f"/docs/errors#{code}",
         "title": code.replace("_", " ").capitalize(),
@@ -241,7 +240,6 @@ def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
 
 
 def answer(problem: Problem) -> JSONResponse:
-    """The problem as a response."""
     body = problem_body(
         problem.status, problem.code, problem.detail, retryable=problem.retryable, **problem.extra
     )

@@ -67,7 +67,6 @@ class Forked:
             os.setpgid(self.pid, self.pid)
 
     def poll(self) -> int | None:
-        """Return the exit code, or None while it runs."""
         if self.returncode is None:
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             if pid:
@@ -75,7 +74,6 @@ class Forked:
         return self.returncode
 
     def wait(self, timeout: float = 60.0) -> int:
-        """Return the exit code once it has ended."""
         deadline = time.monotonic() + timeout
         while (code := self.poll()) is None:
             if time.monotonic() > deadline:
@@ -195,7 +193,6 @@ _METHODS = frozenset(HTTPMethod)
 
 
 def stopping() -> problems.Problem:
-    """Return the problem of requests that arrive while the service stops."""
     return problems.Problem(
         interface.SERVICE_STOPPING,
         "The service is being stopped or restarted. Try again.",

@@ -120,5 +120,4 @@ class Signer:
         return key
 
     def sign(self, message: bytes) -> str:
-        """Return the signature in Base64."""
         return base64.b64encode(self.enrol().sign(message)).decode()

@@ -25,7 +25,6 @@ _RUNS: Final = re.compile(rf"(?:^|(?<=[;\t]))(?=[{re.escape(_STARTS)}])")
 
 
 def keep_texts(texts: Sequence[str]) -> Sequence[str]:
-    """Return texts of which a spreadsheet runs none as a formula."""
     joined = "".join(texts)
     runs = not {text[:1] for text in texts}.isdisjoint(_STARTS) or ";" in joined or "\t" in joined
     return [_RUNS.sub("'", text) for text in texts] if runs else texts
@@ -150,7 +149,6 @@ class OneOrMany(Generic[F]):
 
 
 def is_table(request: Request) -> bool:
-    """Return True if the body is declared as CSV, with or without its character set."""
     return request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv"
 
 

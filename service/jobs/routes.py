@@ -19,29 +19,17 @@ from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, problem_body
 from service.jobs import watch
-from store import audit, jobs
-from store.queries import by_id
+from store import audit, jobs, tables
 from store.queries import jobs as queries
 from store.queries.usage import add_jobs
-from store.tables import (
-    Calibration,
-    Campaign,
-    FrameRow,
-    Job,
-    JobKind,
-    JobState,
-    Measurement,
-    Organisation,
-    Road,
-)
 
 
 class JobAnswer(
     models.Answer,
-    restates=Job,
+    restates=tables.Job,
     fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
 ):
-    state: JobState
+    state: tables.JobState
     progress: float = Field(ge=0, le=1)
     error: models.ProblemAnswer | None = None
     filename: str | None = models.maybe("Of the frame that it works on, where it is one.")
@@ -51,7 +39,7 @@ class JobAnswer(
     )
 
     @classmethod
-    def of(cls, row: Job, frame: FrameRow | None = None) -> "JobAnswer":
+    def of(cls, row: tables.Job, frame: tables.FrameRow | None = None) -> "JobAnswer":
         error = None
         if row.error is not None:
             status = 422 if row.state == "failed" and row.traceback is None else 500
@@ -69,7 +57,7 @@ class RetriedJobs(models.Form):
     """Which jobs are tried again: those that all of this holds for."""
 
     state: Literal["failed", "quarantined"]
-    kind: JobKind | None = None
+    kind: tables.JobKind | None = None
     code: models.Text | None = models.maybe("The code of the error that they ended with.")
     campaign_id: models.Text | None = models.maybe("Jobs on this campaign and its frames.")
 
@@ -105,7 +93,7 @@ class QueueAnswer(models.Answer):
     succeeded: int
     failed: int
     quarantined: int
-    more: list[JobState] = models.told(
+    more: list[tables.JobState] = models.told(
         f"States with more jobs than their number states: each is counted up to {queries.MOST_COUNTED}."
     )
     oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
@@ -128,15 +116,14 @@ QUEUES: Final[dict[str, Any]] = {"status_code": 202, "response_model": JobAnswer
 """How a route is stated that queues a job."""
 
 
-def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> changes.Reply:
-    """Reply to a request that has queued a job."""
+def reply_queued(session: Session, job: tables.Job, frame: tables.FrameRow | None = None) -> changes.Reply:
     session.flush()
     location = {"Location": f"/v1/jobs/{job.id}"}
     return changes.Reply(status=202, body=JobAnswer.of(job, frame), headers=location, jobs=[job])
 
 
 def queue(
-    session: Session, caller: auth.Caller, frame: FrameRow, parameters: dict[str, Any]
+    session: Session, caller: auth.Caller, frame: tables.FrameRow, parameters: dict[str, Any]
 ) -> changes.Reply:
     """Queue a picture or a preview of a frame, which somebody waits for."""
     job = jobs.enqueue(
@@ -156,8 +143,8 @@ def list_jobs(
     paging: UsesPaging,
     caller: auth.Reader,
     session: Session,
-    state: Annotated[JobState | None, Query()] = None,
-    kind: Annotated[JobKind | None, Query()] = None,
+    state: Annotated[tables.JobState | None, Query()] = None,
+    kind: Annotated[tables.JobKind | None, Query()] = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
     subject: Annotated[
         models.Text | None,
@@ -165,19 +152,24 @@ def list_jobs(
     ] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
-    rows = select(Job).where(Job.organisation_id == caller.organisation_id)
+    rows = select(tables.Job).where(tables.Job.organisation_id == caller.organisation_id)
     if state is not None:
-        rows = rows.where(Job.state == state)
+        rows = rows.where(tables.Job.state == state)
     if kind is not None:
-        rows = rows.where(Job.kind == kind)
+        rows = rows.where(tables.Job.kind == kind)
     if dismissed is not None:
-        rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
+        rows = rows.where(tables.Job.dismissed_at.is_not(None) == dismissed)
     if subject is not None:
         row = lookup.find_owned(
-            session, (FrameRow, Campaign, Calibration, Measurement, Road), subject, caller
+            session,
+            (tables.FrameRow, tables.Campaign, tables.Calibration, tables.Measurement, tables.Road),
+            subject,
+            caller,
         )
-        mine = Job.subject_id == subject
-        rows = rows.where(queries.select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
+        mine = tables.Job.subject_id == subject
+        rows = rows.where(
+            queries.select_makers(row) if isinstance(row, tables.Calibration | tables.Measurement) else mine
+        )
     return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
@@ -186,7 +178,7 @@ def list_jobs(
 def get_queue(caller: auth.Reader, session: Session) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     return QueueAnswer.of(
-        queries.summarise_queue(session, caller.organisation_id, get_args(JobState))
+        queries.summarise_queue(session, caller.organisation_id, get_args(tables.JobState))
     ).respond()
 
 
@@ -231,10 +223,10 @@ def retry_jobs(body: RetriedJobs, caller: auth.Reader, session: Session) -> chan
     It needs the scopes that starting them needed. Sent twice it finds nothing the second time.
     """
     chosen = _choose(session, caller, body)
-    first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
+    first = list(session.scalars(select(tables.Job).where(chosen).limit(_LOGGED)))
     if retried := jobs.retry(session, chosen):
         asked = body.model_dump(exclude_none=True)
-        organisation = session.get_one(Organisation, caller.organisation_id)
+        organisation = session.get_one(tables.Organisation, caller.organisation_id)
         add_jobs(session, retried, organisation_id=organisation.id)
         audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
     return changes.Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
@@ -248,7 +240,7 @@ def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> 
     """
     if count := jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed):
         asked = body.model_dump(exclude_none=True)
-        organisation = session.get_one(Organisation, caller.organisation_id)
+        organisation = session.get_one(tables.Organisation, caller.organisation_id)
         audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
     return changes.Reply(status=200, body=DismissedAnswer(dismissed=count))
 
@@ -256,10 +248,10 @@ def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> 
 @router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(409))
 def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
-    job = lookup.owned(session, Job, job_id, caller)
+    job = lookup.owned(session, tables.Job, job_id, caller)
     auth.require(caller, _SCOPES[job.kind])
     before = {"state": job.state, "error": job.error}
-    if not jobs.retry(session, Job.id == job.id):
+    if not jobs.retry(session, tables.Job.id == job.id):
         detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
         raise Problem(interface.CONFLICT, detail)
     audit.record_act(session, "retry", job, before, {"state": "queued"})
@@ -269,24 +261,23 @@ def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> chang
 
 
 def _choose(session: Session, caller: auth.Caller, body: RetriedJobs) -> ColumnElement[bool]:
-    """Return the jobs that are chosen, if the caller might start all of them."""
     if body.campaign_id is not None:
-        lookup.owned(session, Campaign, body.campaign_id, caller)
+        lookup.owned(session, tables.Campaign, body.campaign_id, caller)
     asked = body.model_dump(include=set(RetriedJobs.model_fields))
     chosen = queries.select_given_up(caller.organisation_id, **asked)
-    for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
+    for kind in session.scalars(select(tables.Job.kind).where(chosen).distinct().order_by(tables.Job.kind)):
         auth.require(caller, _SCOPES[kind])
     return chosen
 
 
 def _read(context: Context, caller: auth.Caller, job_id: str) -> JobAnswer:
     with context.database.reading() as session:
-        (answer,) = _answers(session, [lookup.owned(session, Job, job_id, caller)])
+        (answer,) = _answers(session, [lookup.owned(session, tables.Job, job_id, caller)])
     return answer
 
 
-def _answers(session: Session, found: list[Job]) -> list[JobAnswer]:
-    frames = by_id(session, FrameRow, {job.subject_id for job in found})
+def _answers(session: Session, found: list[tables.Job]) -> list[JobAnswer]:
+    frames = by_id(session, tables.FrameRow, {job.subject_id for job in found})
     return [JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
 
 
@@ -337,7 +328,7 @@ async def _follow(
 ) -> Response:
     def check() -> None:
         with context.database.reading() as session:
-            lookup.owned(session, Job if kind == "job" else Campaign, subject_id, caller)
+            lookup.owned(session, tables.Job if kind == "job" else tables.Campaign, subject_id, caller)
 
     await run_in_threadpool(check)
     context.watch.admit(caller.who)

@@ -111,7 +111,6 @@ class JobWatch:
             yield _GONE
 
     def release(self) -> None:
-        """Release all requests that wait or follow, and those that will."""
         self._released = True
         for follower in self._followers:
             follower.woken.set()

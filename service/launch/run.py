@@ -21,7 +21,6 @@ from store.pulse import find_stopped_writer
 
 
 def free_port(host: str, port: int) -> int:
-    """Return the port, or any free one for 0."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -77,7 +77,6 @@ def socket_path(data: Path) -> Iterator[Path]:
 
 
 def answers(sock: Path, *, asked: bytes = b"PING") -> bool:
-    """Return True if the server behind the socket is ready."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(1.0)
         try:

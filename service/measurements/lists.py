@@ -53,7 +53,6 @@ def list_cells(row: Measurement) -> Iterator[dict[str, Any]]:
 
 
 def list_outlines(row: Measurement, coordinates: Coordinates) -> Iterator[list[list[float]]]:
-    """Yield the closed outline of each cell, in the same order."""
     across, along = np.arange(_rows(row) + 1.0), np.arange(_columns(row) + 1.0)
     if coordinates == "road_m":
         lanes = row.parameters["lanes"]
@@ -202,7 +201,6 @@ _FIRST_DAY: Final = "1970-01-01T00:00:00Z"
 
 
 def describe_map(path: Path) -> dict[str, Any]:
-    """Return the size of a map and the items of each plane, as its own file states them."""
     import tifffile
 
     with tifffile.TiffFile(path) as file:

@@ -55,12 +55,10 @@ class Layout(records.Record):
 
     @property
     def unit(self) -> str:
-        """Unit of the values, as the file states it."""
         return str(json.loads(self.description)["unit"])
 
     @property
     def across(self) -> int:
-        """Tiles in a row."""
         return -(-self.width_px // self.tile_px)
 
 
@@ -101,7 +99,6 @@ def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Val
 
 
 def read_tiles(path: Path, layout: Layout, indices: Iterable[int]) -> Iterator[tuple[int, Values]]:
-    """Read tiles of a map one after the other, each with its index."""
     with path.open("rb") as file:
         for index in indices:
             file.seek(layout.offsets[index])
@@ -322,7 +319,6 @@ class OpenMap(records.Record):
         return f"{self.row.map_tif_sha256}-{self.row.content_sha256[:16]}-{digest}"
 
     def find_polygon(self, area: Area) -> Polygon | None:
-        """Return the outline of an area, None for the whole frame."""
         if area == "frame":
             return None
         if area == "region":

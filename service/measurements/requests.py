@@ -146,7 +146,6 @@ class CampaignMeasurementsAnswer(Answer):
 
 
 def read_region(text: str) -> NewRoi:
-    """Read a region as an address or a header holds it."""
     try:
         if text.lstrip().startswith("["):
             return NewRoi.model_validate({"polygon": json.loads(text)})

@@ -332,7 +332,6 @@ def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:
 
 
 def _flags_of(status: VersionStatus) -> list[FlagAnswer]:
-    """Return what has become of the version since."""
     match status.state:
         case "draft":
             flag, detail = shared.CALIBRATION_NOT_PUBLISHED, "It is a draft."

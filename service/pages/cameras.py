@@ -94,7 +94,6 @@ def build_values(
 
 
 def find(lifetime: Lifetime, where: dict[str, str | float | None]) -> CoefficientRow | None:
-    """Return the coefficient of a version with these columns."""
     rows = lifetime.coefficients
     return next(
         (row for row in rows if all(getattr(row, name) == value for name, value in where.items())), None

@@ -41,7 +41,6 @@ SHOWN: Final[tuple[type[models.Form], ...]] = (
 
 
 def describe_fields() -> dict[str, dict[str, str]]:
-    """Return the sentence of each field, by form and name."""
     return {
         form.__name__: {name: field.description or "" for name, field in form.model_fields.items()}
         for form in SHOWN
@@ -105,7 +104,6 @@ class Assets:
         return self._own.get(name) if release == self.release else None
 
     def packed(self, name: str, content: bytes) -> bytes:
-        """The file, gzipped once and kept: they are few."""
         if name not in self._packed:
             self._packed[name] = gzip.compress(content, mtime=0)
         return self._packed[name]
@@ -163,7 +161,6 @@ def render(
     caller: Caller | None = None,
     **values: Any,  # noqa: ANN401
 ) -> HTMLResponse:
-    """A page; with ``caller``, signed in as them."""
     sessions = request.app.state.context.sessions
     csrf = sessions.csrf_token(request.cookies.get(sessions.cookie, "")) if caller else ""
     html = request.app.state.templates.get_template(template).render(

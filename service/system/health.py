@@ -213,7 +213,6 @@ class Metrics:
         self._counting = Lock()
 
     def observe(self, method: str, route: str, status: int, *, took_s: float) -> None:
-        """Count a request that has its answer."""
         self._durations.labels(method, route).observe(took_s)
         self._requests.labels(method, route, status).inc()
 

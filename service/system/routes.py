@@ -60,7 +60,6 @@ class Readiness(models.Answer):
 
 
 async def require_operator(request: Request, context: UsesContext) -> None:
-    """Ask for a key of the operator, where the settings say so."""
     if context.settings.health_for == "operator":
         await auth.identify(request)
         caller: auth.Caller = request.state.caller

@@ -213,7 +213,6 @@ class MotionsAnswer(Answer):
 
 
 def describe_tools() -> dict[str, dict[str, Any]]:
-    """Return the schemas of each calculator, as its page asks and shows."""
     return {
         name: {
             "form": form.model_json_schema(),
@@ -237,7 +236,6 @@ _FIELDS = frozenset(ExposureRow.model_fields)
 
 
 def read_series(data: bytes, told: ExposureTable) -> NewExposureSeries:
-    """The rows of a table; ``told`` : what the request says of all of them."""
     if told.white_level_dn is None:
         raise wrong("query.white_level_dn", "is missing: a table does not say it, so say it in the query")
     usual = told.model_dump(include=set(_SETTINGS), exclude_none=True)

@@ -69,7 +69,6 @@ def answer_write(
     *,
     stored: StoredBlob | None = None,
 ) -> FrameAnswer:
-    """Return a frame that was just written, with the job that reads it."""
     # nobody else may write meanwhile: the frame is not compared with a whole campaign here
     verdict = judge_alone(session, frame, campaign) if jobs else None
     if stored is not None:
@@ -259,7 +258,6 @@ def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> problems.Probl
 
 
 def require_size(size_bytes: int) -> None:
-    """Refuse a file that is larger than any is taken."""
     if size_bytes > MAX_FILE_BYTES:
         raise problems.Problem(interface.UPLOAD_TOO_LARGE, f"A file may have at most {MAX_FILE_BYTES} bytes.")
 

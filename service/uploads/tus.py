@@ -72,7 +72,6 @@ class UploadHeaders(Record):
 
     @property
     def is_piece(self) -> bool:
-        """Return True if the body is a piece of a file."""
         return self.media_type.partition(";")[0].strip() == PIECE
 
 
@@ -87,7 +86,6 @@ class FrameSaid(Upload):
 
 
 def check_protocol(headers: UploadHeaders) -> None:
-    """Refuse a client that does not speak tus."""
     if headers.tus_version != TUS:
         detail = "Send Tus-Resumable: 1.0.0."
         raise Problem(interface.UPLOAD_VERSION, detail, headers={"Tus-Version": TUS})
@@ -119,7 +117,6 @@ def read_metadata(text: str | None) -> dict[str, str]:
 
 
 def read_said(said: dict[str, str]) -> FrameSaid:
-    """Check what is said of a file before its first byte is taken."""
     try:
         frame = FrameSaid.model_validate(said)
     except ValidationError as error:
