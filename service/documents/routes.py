@@ -56,7 +56,7 @@ async def get_certificate(
 
     def send() -> Response:
         if issued is not None:
-            return _send_issued(request, context, issued, issued.json_sha256, "application/json", {})
+            return _send_issued(request, context, issued, "application/json")
         certificate, _ = _derive(context, calibration_id)
         return _answer(request, sheets.write_json(certificate).encode(), "application/json")
 
@@ -75,10 +75,7 @@ async def get_certificate_pdf(
     """
     issued = await _find(context, calibration_id, caller, query.amendment)
     if issued is not None:
-        named, sha256 = _name_pdf(issued.number), issued.pdf_sha256
-        return await run_in_threadpool(
-            _send_issued, request, context, issued, sha256, "application/pdf", named
-        )
+        return await run_in_threadpool(_send_issued, request, context, issued, "application/pdf")
 
     def order() -> tuple[str, rendered.Order]:
         certificate, record = _derive(context, calibration_id)
@@ -171,17 +168,15 @@ def _derive(context: Context, calibration_id: str) -> tuple[sheets.Node, Calibra
     return build_certificate(record).dump(), record
 
 
-def _send_issued(
-    request: Request,
-    context: Context,
-    issued: IssuedCertificate,
-    sha256: str,
-    media_type: str,
-    headers: dict[str, str],
-) -> Response:
-    status = {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'}
+def _send_issued(request: Request, context: Context, issued: IssuedCertificate, media_type: str) -> Response:
+    headers, sha256 = (
+        {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'},
+        issued.json_sha256,
+    )
+    if media_type == "application/pdf":
+        headers, sha256 = headers | _name_pdf(issued.number), issued.pdf_sha256
     with _naming(issued):
-        return answers.send_blob(request, context.files, sha256, media_type, {**status, **headers})
+        return answers.send_blob(request, context.files, sha256, media_type, headers)
 
 
 @contextmanager

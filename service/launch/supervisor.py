@@ -194,33 +194,26 @@ class AwakeClock:
         return self.now_s
 
 
+@dataclass(kw_only=True)
 class Supervisor:
     """Call every method from the main thread: the children's lives depend on the thread that starts them."""
 
-    def __init__(
-        self,
-        *,
-        environment: Mapping[str, str],
-        key: str,
-        data: Path,
-        lock: int,
-        patience: Patience,
-        report: Callable[[str], None],
-        pulses: Path | None = None,
-    ) -> None:
-        self._environment = dict(environment)
-        self._key = key
-        self.data = data
-        self._pulses = pulses or data / "run"
-        self._lock = lock
-        self._patience = patience
-        self._report = report
+    environment: Mapping[str, str]
+    key: str
+    data: Path
+    lock: int
+    patience: Patience
+    report: Callable[[str], None]
+    pulses: Path | None = None
+
+    def __post_init__(self) -> None:
         self._children: list[_Child] = []
-        self._clock = AwakeClock(min(_LONGEST_TURN_S, patience.hang_s / 2))
+        self._clock = AwakeClock(min(_LONGEST_TURN_S, self.patience.hang_s / 2))
         self._was_full = False
 
     def start(self, part: Part) -> None:
-        child = _Child(part, self.data / "logs" / f"{part.name}.log", self._pulses / f"{part.name}.pulse")
+        pulse = (self.pulses or self.data / "run") / f"{part.name}.pulse"
+        child = _Child(part, self.data / "logs" / f"{part.name}.log", pulse)
         if part.run is None:
             _rotate(child.log)
         child.pulse.parent.mkdir(exist_ok=True)
@@ -231,7 +224,7 @@ class Supervisor:
         """Start what died or hung and is due again; return how long until the next is due [s]."""
         now = time.monotonic()
         self._clock.turn()
-        stopped = self._patience.find_stopped_writer()
+        stopped = self.patience.find_stopped_writer()
         for child in self._children:
             if child.process is not None and child.process.poll() is None and child.part.has_pulse:
                 self._feel(child, child.process)
@@ -262,16 +255,14 @@ class Supervisor:
                 while process.poll() is None and signals.stops <= stops:
                     left_s = started + part.stop_within_s - time.monotonic()
                     if left_s <= 0:
-                        self._report(
-                            f"{part.name} did not stop within {part.stop_within_s:g} s and is killed"
-                        )
+                        self.report(f"{part.name} did not stop within {part.stop_within_s:g} s and is killed")
                         break
                     signals.wait(min(left_s, 0.2))
                 _kill_group(process)
                 process.wait()
 
     def _spawn(self, child: _Child) -> None:
-        added = {"STILB_KEY": self._key} if child.part.knows_key else {}
+        added = {"STILB_KEY": self.key} if child.part.knows_key else {}
         if child.part.has_pulse:
             added["STILB_PULSE"] = str(child.pulse)
         # What its predecessor left there is not its own beat.
@@ -286,8 +277,8 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                env=self._environment | added,
-                pass_fds=[self._lock],
+                env={**self.environment, **added},
+                pass_fds=[self.lock],
                 # A group of its own: Ctrl-C reaches the launcher only, which then stops all in order.
                 process_group=0,
                 preexec_fn=die_with_parent(),  # noqa: PLW1509 (it takes no lock)
@@ -299,13 +290,13 @@ class Supervisor:
         except OSError as error:
             # No memory, no room, no process free: a passing fault of the machine.
             child.start_at = now + LONGEST_PAUSE_S
-            self._report(f"{child.part.name} could not be started and is tried again: {error}")
+            self.report(f"{child.part.name} could not be started and is tried again: {error}")
 
     def _feel(self, child: _Child, process: Process) -> None:
         """Kill a part whose pulse has not changed for too long while the launcher looked."""
         beat = read_beat(child.pulse)
         if beat != child.beat:
-            child.beat, child.seen_at, child.patience_s = beat, self._clock.now_s, self._patience.hang_s
+            child.beat, child.seen_at, child.patience_s = beat, self._clock.now_s, self.patience.hang_s
         elif self._clock.now_s - child.seen_at > child.patience_s:
             if not has_room(self.data):
                 # Perhaps it cannot even leave its beat.
@@ -318,12 +309,12 @@ class Supervisor:
         with suppress(ProcessLookupError):
             if stopped is None or os.getpgid(stopped) != process.pid:
                 child.free_at = self._clock.now_s
-        if self._clock.now_s - child.free_at > self._patience.lock_s:
+        if self._clock.now_s - child.free_at > self.patience.lock_s:
             child.free_at = self._clock.now_s
             self._kill(child, process, "was stopped while it held the write lock of the database")
 
     def _kill(self, child: _Child, process: Process, why: str) -> None:
-        self._report(f"{child.part.name} {why} and is killed")
+        self.report(f"{child.part.name} {why} and is killed")
         _kill_group(process)
         with suppress(subprocess.TimeoutExpired):
             process.wait(1.0)
@@ -347,14 +338,14 @@ class Supervisor:
         pause_s = min(FIRST_PAUSE_S * 2 ** (len(child.deaths) - 1), LONGEST_PAUSE_S)
         child.start_at = now + pause_s
         where = "" if child.part.run else f" (log: {child.log})"
-        self._report(f"{child.part.name} {how} and is started again{where}")
+        self.report(f"{child.part.name} {how} and is started again{where}")
 
     def _wait_for_room(self, child: _Child, now: float) -> None:
         """Try again without counting: nothing that died on a full disk is broken for that."""
         child.deaths.clear()
         child.start_at = now + LONGEST_PAUSE_S
         if not self._was_full:
-            self._report(f"the disk of {self.data} is full: what ends is started again until there is room")
+            self.report(f"the disk of {self.data} is full: what ends is started again until there is room")
         self._was_full = True
 
 

@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate, chain, product
 from pathlib import Path
 from threading import Lock
@@ -78,27 +78,22 @@ class Report(Record):
         ]
 
 
+@dataclass
 class _Check:
     """One thing to look at: at most one look is under way, however many ask and however long it takes."""
 
-    def __init__(
-        self,
-        name: str,
-        code: Entry,
-        detail: str,
-        look: Callable[[], Any],
-        *,
-        within_s: float = _SILENT_AFTER_S,
-    ) -> None:
-        self.name = name
-        self._code = code
-        self._detail = detail
-        self._look = look
-        self._within_s = within_s
-        self._under_way: Future[Any] | None = None
-        self._begun = self._ended = -_FRESH_S
-        self._finding = Finding(name=name, code=code, detail="It has not answered yet.")
-        self.found: Any = None
+    name: str
+    code: Entry
+    detail: str
+    look: Callable[[], Any]
+    within_s: float = _SILENT_AFTER_S
+    found: Any = None
+    _under_way: Future[Any] | None = None
+    _begun: float = -_FRESH_S
+    _ended: float = -_FRESH_S
+
+    def __post_init__(self) -> None:
+        self._finding = Finding(name=self.name, code=self.code, detail="It has not answered yet.")
 
     def begin(self, pool: ThreadPoolExecutor) -> Future[Any] | None:
         """Start a check unless its answer is known or pending; return the checks that are pending."""
@@ -115,15 +110,15 @@ class _Check:
         if self._under_way is None or asked_s < ANSWER_WITHIN_S:
             return self._finding
         # one that may take long says nothing by being slow; of any other only what was found lately counts
-        known = self._within_s > _SILENT_AFTER_S or time.monotonic() - self._ended < _TRUSTED_FOR_S
-        if asked_s < self._within_s and known:
+        known = self.within_s > _SILENT_AFTER_S or time.monotonic() - self._ended < _TRUSTED_FOR_S
+        if asked_s < self.within_s and known:
             return replace(self._finding, slow_s=asked_s)
-        return Finding(name=self.name, code=self._code, detail=f"It has not answered for {asked_s:.0f} s.")
+        return Finding(name=self.name, code=self.code, detail=f"It has not answered for {asked_s:.0f} s.")
 
     def _try(self) -> Any:  # noqa: ANN401
         """Return what is found; an expected error too, since nobody may be left who would hear of it."""
         try:
-            return self._look()
+            return self.look()
         except (SQLAlchemyError, StorageFull, StorageUnavailable, OSError) as error:
             return error
         finally:
@@ -138,7 +133,7 @@ class _Check:
             detail = f"{str(found).capitalize()}."
             self._finding = Finding(name=self.name, code=interface.SCHEMA_MISMATCH, detail=detail)
         elif isinstance(found, Exception):
-            self._finding = Finding(name=self.name, code=self._code, detail=self._detail)
+            self._finding = Finding(name=self.name, code=self.code, detail=self.detail)
         else:
             self.found = found
             self._finding = Finding(name=self.name)
@@ -152,13 +147,8 @@ class Health:
         self._database = database
         no_database, no_files = interface.DATABASE_UNAVAILABLE, interface.STORAGE_UNAVAILABLE
         self._read = _Check("database", no_database, "The database does not answer.", self._look_at_rows)
-        self._write = _Check(
-            "writing",
-            no_database,
-            "The database takes no writes.",
-            self._try_a_write,
-            within_s=_WRITE_WITHIN_S,
-        )
+        says = "The database takes no writes."
+        self._write = _Check("writing", no_database, says, self._try_a_write, _WRITE_WITHIN_S)
         self._files = _Check("files", no_files, "The file store takes no files.", blobs.check)
         self._checks = [self._read, self._write, self._files]
         self._pool = ThreadPoolExecutor(len(self._checks), thread_name_prefix="health")
