@@ -1,6 +1,5 @@
 """Templates, static files and problems for people."""
 
-import gzip
 import hashlib
 import json
 import mimetypes
@@ -72,7 +71,6 @@ class Assets:
         for name, content in self._own.items():
             digest.update(name.encode() + b"\0" + content)
         self.release = digest.hexdigest()[:16]
-        self._packed: dict[str, bytes] = {}
 
     def url(self, name: str) -> str:
         if name not in self._own:
@@ -103,11 +101,6 @@ class Assets:
         """The file at an address; a page of an earlier release finds what it asks for no more."""
         return self._own.get(name) if release == self.release else None
 
-    def packed(self, name: str, content: bytes) -> bytes:
-        if name not in self._packed:
-            self._packed[name] = gzip.compress(content, mtime=0)
-        return self._packed[name]
-
 
 @router.get("/static/{release}/{name:path}")
 def get_asset(request: Request, release: str, name: str) -> Response:
@@ -119,9 +112,6 @@ def get_asset(request: Request, release: str, name: str) -> Response:
         return unchanged
     suffix = posixpath.splitext(name)[1]
     media_type = _TEXT.get(suffix) or mimetypes.guess_type(name)[0]
-    if suffix in _TEXT and "gzip" in request.headers.get("accept-encoding", ""):
-        headers["Content-Encoding"] = "gzip"
-        content = assets.packed(name, content)
     return Response(content, headers=headers, media_type=media_type)
 
 
