@@ -3,7 +3,6 @@
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
-from pydantic import ConfigDict, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -154,24 +153,13 @@ class ImpactAnswer(Answer):
         )
 
 
-_CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
-
-
-class NewCause(Form):
+class NewCause(Form, one_of="meter_id meter_certificate_number software recorder"):
     """The cause of a recall: exactly one of these fields."""
-
-    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
 
     meter_id: Text | None = None
     meter_certificate_number: Text | None = maybe("The certificate number when a version was made.")
     software: Text | None = maybe("The fit code version, `software.stilb` of a version.")
     recorder: Text | None = maybe("Recorder of the campaign, now or before.")
-
-    @model_validator(mode="after")
-    def _exactly_one(self) -> "NewCause":
-        if len(self.named()) != 1:
-            raise ValueError(f"give exactly one of {', '.join(_CAUSES)}")
-        return self
 
     def named(self) -> dict[str, str]:
         return self.model_dump(exclude_none=True)

@@ -226,20 +226,12 @@ class LensNamed(models.Form):
 
 class NewFleetVerdict(models.Form):
     method: models.Method
-    camera_ids: Annotated[
-        list[models.Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=models.EACH_ONCE)
-    ]
+    camera_ids: Annotated[models.CameraIds, Field(max_length=MOST_CAMERAS)]
     tolerance: Tolerance = models.told(
         "The largest accepted deviation from the shared value: one number in the method's "
         "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
     )
     lenses: Annotated[list[LensNamed] | None, Field(max_length=1000)] = None
-
-    @model_validator(mode="after")
-    def _each_once(self) -> "NewFleetVerdict":
-        if len(set(self.camera_ids)) < len(self.camera_ids):
-            raise ValueError("camera_ids names a camera twice")
-        return self
 
 
 class FlagRaised(models.Answer, restates=Raised):

@@ -167,14 +167,8 @@ REGION_PATTERN = f"^({_MACRO}|{_JSON})$"
 """A region as an address or a header holds it."""
 
 
-class NewRoi(models.Form):
+class NewRoi(models.Form, one_of="polygon imagej regions"):
     """A region: its points, ImageJ's own line, or several parts with their names."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}, {"required": ["regions"]}]
-        }
-    )
 
     polygon: list[Point] | None = models.maybe(
         "Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
@@ -191,9 +185,7 @@ class NewRoi(models.Form):
     )
 
     @model_validator(mode="after")
-    def _one_of_them(self) -> "NewRoi":
-        if sum(given is not None for given in (self.polygon, self.imagej, self.regions)) != 1:
-            raise ValueError("give either polygon, imagej or regions")
+    def _each_once(self) -> "NewRoi":
         names = [part.name for part in self.regions or []]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"each region's name once; given more than once: {', '.join(twice)}")

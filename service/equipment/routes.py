@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, get_args, get_type_hints
 
 from fastapi import Query, Request, Response
-from pydantic import BaseModel, model_validator
+from pydantic import BaseModel
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -163,18 +163,7 @@ MOST_CAMERAS = 20
 
 class NewRig(models.Form):
     name: models.Text = models.told("Under which the rig is found again; its exports carry it.")
-    camera_ids: list[models.Text] = models.told(
-        "The reference camera first.",
-        min_length=2,
-        max_length=MOST_CAMERAS,
-        json_schema_extra=models.EACH_ONCE,
-    )
-
-    @model_validator(mode="after")
-    def _each_once(self) -> "NewRig":
-        if len(set(self.camera_ids)) < len(self.camera_ids):
-            raise ValueError("camera_ids names a camera twice")
-        return self
+    camera_ids: models.CameraIds = models.told("The reference camera first.", max_length=MOST_CAMERAS)
 
 
 class RigAnswer(models.Answer, restates=Rig, fields="id name camera_ids created_at"):

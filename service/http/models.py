@@ -12,6 +12,7 @@ from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Final,
     Literal,
     Self,
@@ -36,7 +37,7 @@ from pydantic import (
     create_model,
     model_validator,
 )
-from pydantic.config import JsonDict
+from pydantic.config import JsonDict, JsonValue
 from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Mapped
 
@@ -83,7 +84,19 @@ BandName = Annotated[Text, AfterValidator(name_band)]
 _MOST_UNKNOWN: Final = 3
 """Names of one object that are named one by one."""
 EACH_ONCE: Final[JsonDict] = {"uniqueItems": True}
+
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
+
+
+def _refuse_twice(camera_ids: list[str]) -> list[str]:
+    if len(set(camera_ids)) < len(camera_ids):
+        raise ValueError("names a camera twice")
+    return camera_ids
+
+
+CameraIds = Annotated[
+    list[Text], Field(min_length=2, json_schema_extra=EACH_ONCE), AfterValidator(_refuse_twice)
+]
 
 
 # in a body a number is a number: neither true nor "5"
@@ -149,9 +162,27 @@ def maybe(sentence: str, **more: Any) -> Any:  # noqa: ANN401  as pydantic's
 
 
 class Form(BaseModel):
-    """Request body: unknown fields, null and numbers that are none are refused by name."""
+    """Request body: unknown fields, null and numbers that are none are refused by name.
+
+    ``class NewCause(Form, one_of="meter_id software")`` : exactly one of these fields is given.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+    _one_of: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, *, one_of: str = "", **config: Any) -> None:  # noqa: ANN401
+        super().__init_subclass__(**config)
+        if one_of:
+            cls._one_of = tuple(one_of.split())
+            needed: list[JsonValue] = [{"required": [name]} for name in cls._one_of]
+            cls.model_config = cls.model_config | ConfigDict(json_schema_extra={"oneOf": needed})
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        if self._one_of and sum(getattr(self, name) is not None for name in self._one_of) != 1:
+            *others, last = self._one_of
+            raise ValueError(f"give either {', '.join(others)} or {last}")
+        return self
 
     @model_validator(mode="before")
     @classmethod

@@ -61,7 +61,7 @@ class NewGrid(Form):
     )
 
     @model_validator(mode="after")
-    def _one_of_them(self) -> "NewGrid":
+    def _cells_or_lanes(self) -> "NewGrid":
         cells, lanes = (self.rows, self.columns), (self.lanes, self.lane_width_m, self.spacing_m)
         told = [each is not None for each in (*cells, *lanes)]
         if told not in ([True] * 2 + [False] * 3, [False] * 2 + [True] * 3):
@@ -105,12 +105,8 @@ class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields
     )
 
 
-class NewMeasurement(MeasurementOptions):
+class NewMeasurement(MeasurementOptions, one_of="frame_id frame_ids"):  # type: ignore[call-arg]
     """A frame, or several of one scene that are averaged."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"oneOf": [{"required": ["frame_id"]}, {"required": ["frame_ids"]}]}
-    )
 
     frame_id: Text | None = None
     frame_ids: list[Text] | None = maybe(
@@ -119,12 +115,6 @@ class NewMeasurement(MeasurementOptions):
         min_length=2,
         max_length=MOST_AVERAGED,
     )
-
-    @model_validator(mode="after")
-    def _one_of_them(self) -> "NewMeasurement":
-        if (self.frame_id is None) == (self.frame_ids is None):
-            raise ValueError("give either frame_id or frame_ids")
-        return self
 
     def list_frames(self) -> list[str]:
         """Return the ids in the order in which the same frames are always measured."""
