@@ -168,7 +168,7 @@ StreamWrites = Annotated[Writing, Depends(stream_writing)]
 
 
 def with_session(endpoint: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a route the `session` it takes: one that reads, or of one that returns a `Reply`, its change's."""
+    """Hand a route the `session` it takes: one that reads, or of one that returns a `Reply`, its change's."""
     stated = inspect.signature(endpoint)
     if "session" not in stated.parameters:
         return endpoint
