@@ -8,11 +8,11 @@ import re
 import shutil
 import signal
 import socket
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from http import HTTPMethod
 from pathlib import Path
@@ -32,7 +32,7 @@ from service.http import problems
 from service.http.counts import Attempts, Rates, name_address
 from service.jobs.watch import JobWatch
 from service.launch.folder import Exit, report
-from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor, die_with_parent
+from service.launch.supervisor import Forked, GaveUp, Part, Patience, Signals, Supervisor
 from service.system.health import Metrics
 from store.jobs.processes import Presence
 from store.log_fields import fields
@@ -43,47 +43,6 @@ _TO_END_S = 4.0
 """What a process needs to end once its own grace is over, less than this one is given."""
 
 Serve = Callable[[Path], None]
-
-
-class Forked:
-    """A child that begins with all that this process has loaded, with the face of a `Popen`."""
-
-    def __init__(self, run: Callable[[], None]) -> None:
-        tie = die_with_parent()
-        self.returncode: int | None = None
-        self.pid = os.fork()
-        if self.pid == 0:
-            try:
-                tie()
-                # a group of its own, as `Supervisor` kills groups
-                os.setpgid(0, 0)
-                signal.set_wakeup_fd(-1)
-                for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):
-                    signal.signal(number, signal.SIG_DFL)
-                run()
-            finally:
-                os._exit(1)
-        with suppress(OSError):
-            os.setpgid(self.pid, self.pid)
-
-    def poll(self) -> int | None:
-        if self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-        return self.returncode
-
-    def wait(self, timeout: float = 60.0) -> int:
-        deadline = time.monotonic() + timeout
-        while (code := self.poll()) is None:
-            if time.monotonic() > deadline:
-                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
-            time.sleep(0.01)
-        return code
-
-    def terminate(self) -> None:
-        if self.poll() is None:
-            os.kill(self.pid, signal.SIGTERM)
 
 
 def share_metrics() -> None:
@@ -139,17 +98,17 @@ _THREADS_PATIENCE = 5
 """All threads may be at slow uploads for longer than a loop may stand still."""
 
 
+@dataclass
 class Vitals:
     """Goes the way of a request every few seconds, through loop and thread, and beats if it gets through."""
 
-    def __init__(
-        self, presence: Presence, pulse: Pulse, *, hang_s: float, rates: Rates, attempts: Attempts
-    ) -> None:
-        self._rates = rates
-        self._attempts = attempts
-        self._presence = presence
-        self._pulse = pulse
-        self._threads_within_s = _THREADS_PATIENCE * hang_s
+    presence: Presence
+    pulse: Pulse
+    hang_s: float
+    rates: Rates
+    attempts: Attempts
+
+    def __post_init__(self) -> None:
         self._free_at = time.monotonic()
 
     async def keep(self) -> None:
@@ -158,8 +117,8 @@ class Vitals:
             tasks.create_task(self._go_through_thread())
             tasks.create_task(self._share_counts())
             while True:
-                if time.monotonic() - self._free_at < self._threads_within_s:
-                    self._pulse.beat()
+                if time.monotonic() - self._free_at < _THREADS_PATIENCE * self.hang_s:
+                    self.pulse.beat()
                 await asyncio.sleep(_LOOK_EVERY_S)
 
     async def _share_counts(self) -> None:
@@ -167,15 +126,15 @@ class Vitals:
         told: dict[str, Any] = {}
         while True:
             await asyncio.sleep(_SHARE_EVERY_S)
-            counts = {"requests": self._rates.tell(), "failures": self._attempts.tell()}
+            counts = {"requests": self.rates.tell(), "failures": self.attempts.tell()}
             if counts != told:
-                told, heard = counts, await run_in_threadpool(self._presence.share, counts)
-                self._rates.hear(each["requests"] for each in heard)
-                self._attempts.hear(each["failures"] for each in heard)
+                told, heard = counts, await run_in_threadpool(self.presence.share, counts)
+                self.rates.hear(each["requests"] for each in heard)
+                self.attempts.hear(each["failures"] for each in heard)
 
     async def _go_through_thread(self) -> None:
         while True:
-            await run_in_threadpool(self._presence.beat)
+            await run_in_threadpool(self.presence.beat)
             self._free_at = time.monotonic()
             await asyncio.sleep(_LOOK_EVERY_S)
 

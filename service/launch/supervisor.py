@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import BinaryIO, Protocol, Self
+from typing import BinaryIO, Self
 
 from radiometry.records import Record
 from service.launch.folder import has_room
@@ -117,16 +117,48 @@ class GaveUp(Exception):  # noqa: N818 (it says what happened)
     """A part died too often; the message names the log to read."""
 
 
-class Process(Protocol):
-    """A child process, as `subprocess.Popen` shows it."""
+class Forked:
+    """A child that begins with all that this process has loaded, with the face of a `Popen`."""
 
-    @property
-    def pid(self) -> int: ...
-    @property
-    def returncode(self) -> int | None: ...
-    def poll(self) -> int | None: ...
-    def wait(self, timeout: float = ...) -> int: ...
-    def terminate(self) -> None: ...
+    def __init__(self, run: Callable[[], None]) -> None:
+        tie = die_with_parent()
+        self.returncode: int | None = None
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                tie()
+                # a group of its own, as `Supervisor` kills groups
+                os.setpgid(0, 0)
+                signal.set_wakeup_fd(-1)
+                for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):
+                    signal.signal(number, signal.SIG_DFL)
+                run()
+            finally:
+                os._exit(1)
+        with suppress(OSError):
+            os.setpgid(self.pid, self.pid)
+
+    def poll(self) -> int | None:
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout: float = 60.0) -> int:
+        deadline = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > deadline:
+                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
+            time.sleep(0.01)
+        return code
+
+    def terminate(self) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, signal.SIGTERM)
+
+
+Process = subprocess.Popen[bytes] | Forked
 
 
 class Part(Record):

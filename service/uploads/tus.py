@@ -5,6 +5,7 @@ import base64
 import hashlib
 import re
 import time
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import format_datetime
 from typing import Annotated, Final
@@ -189,15 +190,17 @@ async def append(request: Request, partial: Partial, begins: int, checksum: str 
         raise not_found("upload") from None
 
 
+@dataclass
 class _Piece:
     """The body of a request on its way to the disk."""
 
-    def __init__(self, request: Request, claim: Claim, facts: Facts, *, piecewise: bool) -> None:
-        self._request = request
-        self._claim = claim
-        self._facts = facts
-        self._piecewise = piecewise
-        """Whether what has arrived counts before the end."""
+    request: Request
+    claim: Claim
+    facts: Facts
+    piecewise: bool
+    """Whether what has arrived counts before the end."""
+
+    def __post_init__(self) -> None:
         self._waiting: list[bytes] = []
         self._hash = hashlib.sha256()
         self._kept_at = time.monotonic()
@@ -207,23 +210,23 @@ class _Piece:
         try:
             await self._copy()
         finally:
-            if self._piecewise:
+            if self.piecewise:
                 await run_in_threadpool(self._store, keep=True)
-        if self._piecewise:
+        if self.piecewise:
             return
         await run_in_threadpool(self._store, keep=False)
         if expected not in {None, self._hash.digest()}:
             detail = "The piece is not the one of Upload-Checksum. Send it again."
             raise Problem(interface.UPLOAD_CHECKSUM_DIFFERS, detail)
-        await run_in_threadpool(self._claim.keep)
+        await run_in_threadpool(self.claim.keep)
 
     async def _copy(self) -> None:
-        size = self._claim.written_bytes
-        next_message = asyncio.ensure_future(self._request.receive())
+        size = self.claim.written_bytes
+        next_message = asyncio.ensure_future(self.request.receive())
         try:
             while True:
-                kept = not self._waiting and self._claim.written_bytes <= self._claim.durable_bytes
-                idle_s = None if kept or not self._piecewise else _IDLE_S
+                kept = not self._waiting and self.claim.written_bytes <= self.claim.durable_bytes
+                idle_s = None if kept or not self.piecewise else _IDLE_S
                 arrived, _ = await asyncio.wait({next_message}, timeout=idle_s)
                 if not arrived:
                     await run_in_threadpool(self._store, keep=True)
@@ -234,15 +237,15 @@ class _Piece:
                         interface.UPLOAD_INCOMPLETE, "The connection was lost before the end of the piece."
                     )
                 size += len(message.get("body", b""))
-                if size > self._facts.size_bytes:
-                    raise _beyond(self._facts)
+                if size > self.facts.size_bytes:
+                    raise _beyond(self.facts)
                 self._waiting.append(message.get("body", b""))
-                due = self._piecewise and time.monotonic() - self._kept_at >= _KEEP_EVERY_S
+                due = self.piecewise and time.monotonic() - self._kept_at >= _KEEP_EVERY_S
                 if due or sum(map(len, self._waiting)) >= _WRITE_BYTES:
                     await run_in_threadpool(self._store, keep=due)
                 if not message.get("more_body"):
                     return
-                next_message = asyncio.ensure_future(self._request.receive())
+                next_message = asyncio.ensure_future(self.request.receive())
         finally:
             next_message.cancel()
 
@@ -250,9 +253,9 @@ class _Piece:
         waiting, self._waiting = self._waiting, []
         for chunk in waiting:
             self._hash.update(chunk)
-        self._claim.write(waiting)
+        self.claim.write(waiting)
         if keep:
-            self._claim.keep()
+            self.claim.keep()
             self._kept_at = time.monotonic()
 
 
