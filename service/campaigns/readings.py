@@ -1,5 +1,6 @@
 """Meter readings: one, many, or a spreadsheet's CSV."""
 
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
@@ -20,10 +21,6 @@ _NEEDED = frozenset(_COLUMNS[:4])
 _KIND = tables.Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
 
 
-def read_readings(data: bytes) -> list[NewReading]:
-    return tables.read_sheet(data, NewReading, _KIND, _name_fields)
-
-
 def _name_fields(columns: list[str]) -> list[str]:
     if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
         message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last three may be absent)"
@@ -40,7 +37,8 @@ MeterIds = Annotated[
     Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
 ]
 
-_BODY = tables.OneOrMany(NewReading, MOST_READINGS, read_readings)
+_READ = partial(tables.read_sheet, form=NewReading, kind=_KIND, name_fields=_name_fields)
+_BODY = tables.OneOrMany(NewReading, MOST_READINGS, _READ)
 
 
 @router.post(

@@ -115,10 +115,7 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, session: S
     """Correct what was said of a frame; it is then read again."""
     # what two who come at once supply is kept together
     frame = owned(session, FrameRow, frame_id, caller, for_update=True)
-    jobs = apply_change(session, frame, body, caller)
-    session.flush()
-    campaign = session.get_one(Campaign, frame.campaign_id)
-    return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
+    return _reply(session, frame, apply_change(session, frame, body, caller))
 
 
 def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
@@ -139,8 +136,8 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: C
         # the campaign's region may have changed meanwhile
         changed = not withdrawn
     supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
-    changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}}) or changed
-    return [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+    said["supplied"] = {**frame.supplied, **supplied}
+    return _read_again(session, frame, caller, said, anyway=changed)
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
@@ -153,7 +150,7 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: chang
         if header := frame.header:
             bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
         roi = find_or_add_roi(session, caller.organisation_id, drawing)
-        return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
+        return _reply(session, frame, _read_again(session, frame, caller, {"roi_id": roi.id}))
 
     return writing.run(caller, change)
 
@@ -201,8 +198,15 @@ def require_header(frame: FrameRow) -> dict[str, Any]:
     return frame.header
 
 
-def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> changes.Reply:
-    jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+def _read_again(
+    session: Session, frame: FrameRow, caller: Caller, said: dict[str, Any], *, anyway: bool = False
+) -> list[Job]:
+    """Describe a frame anew; return the job that reads it again, if that has changed anything."""
+    changed = describe_anew(frame, said) or anyway
+    return [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+
+
+def _reply(session: Session, frame: FrameRow, jobs: list[Job]) -> changes.Reply:
     session.flush()
     campaign = session.get_one(Campaign, frame.campaign_id)
     return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)

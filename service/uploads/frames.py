@@ -135,7 +135,7 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) 
     """Hand the chunks on in pieces of a megabyte, one while the next one arrives; return what remains."""
     waiting: list[bytes] = []
     size = total = 0
-    taking: asyncio.Future[None] | None = None
+    taking: asyncio.Future[Any] | None = None
     try:
         async for chunk in chunks:
             waiting.append(chunk)
@@ -146,7 +146,7 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) 
                 if taking:
                     await asyncio.shield(taking)
                 piece, waiting, size = waiting, [], 0
-                taking = asyncio.ensure_future(run_in_threadpool(_join_and_take, take, piece))
+                taking = asyncio.ensure_future(run_in_threadpool(lambda some: take(b"".join(some)), piece))
         if taking:
             await asyncio.shield(taking)
     finally:
@@ -155,10 +155,6 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) 
             with suppress(asyncio.CancelledError):
                 await asyncio.wait([taking])
     return b"".join(waiting)
-
-
-def _join_and_take(take: Callable[[bytes], object], piece: list[bytes]) -> None:
-    take(b"".join(piece))
 
 
 class _FilePart:

@@ -20,10 +20,10 @@ from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
 from service.measurements.requests import read_region
 from service.uploads import tus
-from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
+from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame, require_size
 from service.uploads.tus import answer
 from store.blobs import StoredBlob
-from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
+from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial
 from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
 from store.queries.organisations import find_key, find_key_by_id
@@ -126,7 +126,8 @@ async def begin_upload(
     session that began it is over, as long as its key is in force.
     """
     tus.check_protocol(headers)
-    size_bytes = tus.read_length(headers.length)
+    size_bytes = tus.read_count(headers.length, "Upload-Length")
+    require_size(size_bytes)
     said = tus.read_metadata(headers.metadata)
     frame = tus.read_said(said)
     address, partial = await run_in_threadpool(
@@ -210,9 +211,14 @@ def _begin(
     token = context.sessions.upload_token(f"{caller.organisation_id}:{text}")
     partials, organisation_id = context.partials, caller.organisation_id
     if not partials.is_under_way(token, organisation_id):
-        _refuse_too_many(partials.count(organisation_id))
+        if (under_way := partials.count(organisation_id)) >= _MOST_UNDER_WAY:
+            detail = f"Your organisation has {under_way} unfinished uploads. Finish or end some."
+            raise problems.Problem(interface.TOO_MANY_UPLOADS, detail, headers={"Retry-After": "60"})
         file = (frame.campaign_id, caller, frame.sha256, size_bytes)
-        admit(context, *file, role=frame.role, begin=lambda: _keep_facts(partials, token, facts))
+        try:
+            admit(context, *file, role=frame.role, begin=lambda: partials.begin(token, facts))
+        except FactsTooLong:
+            raise problems.wrong("header.Upload-Metadata", "is too long") from None
     if (partial := partials.find(token, organisation_id)) is None:
         raise problems.not_found("upload")
     kept = partial.read_facts()
@@ -220,19 +226,6 @@ def _begin(
         detail = "This Idempotency-Key was used for another request. Use a new one for each new request."
         raise problems.Problem(interface.IDEMPOTENCY_KEY_REUSED, detail)
     return f"upl_{caller.organisation_id.removeprefix('org_')}_{token}", partial
-
-
-def _refuse_too_many(under_way: int) -> None:
-    if under_way >= _MOST_UNDER_WAY:
-        detail = f"Your organisation has {under_way} unfinished uploads. Finish or end some."
-        raise problems.Problem(interface.TOO_MANY_UPLOADS, detail, headers={"Retry-After": "60"})
-
-
-def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:
-    try:
-        partials.begin(token, facts)
-    except FactsTooLong:
-        raise problems.wrong("header.Upload-Metadata", "is too long") from None
 
 
 def _end_writer(partial: Partial) -> None:

@@ -21,7 +21,6 @@ from service.frames.schemas import Upload
 from service.http.models import Sha256, Text
 from service.http.problems import Problem, invalid, located, not_found, wrong
 from service.measurements.requests import read_region
-from service.uploads.frames import require_size
 from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
 
 TUS: Final = "1.0.0"
@@ -96,12 +95,6 @@ def read_count(text: str | None, name: str) -> int:
     if text is None or re.fullmatch(_COUNT, text) is None:
         raise wrong(f"header.{name}", "must be a count of bytes")
     return int(text)
-
-
-def read_length(length: str | None) -> int:
-    size_bytes = read_count(length, "Upload-Length")
-    require_size(size_bytes)
-    return size_bytes
 
 
 def read_metadata(text: str | None) -> dict[str, str]:
