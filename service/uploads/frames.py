@@ -135,7 +135,7 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) 
     """Hand the chunks on in pieces of a megabyte, one while the next one arrives; return what remains."""
     waiting: list[bytes] = []
     size = total = 0
-    taking: asyncio.Future[Any] | None = None
+    taking: asyncio.Future[object] | None = None
     try:
         async for chunk in chunks:
             waiting.append(chunk)
