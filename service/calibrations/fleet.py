@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import Query, Response
 
 from radiometry.fleet import drift, results
-from radiometry.fleet.determinations import Determination, LeftOut, Source
+from radiometry.fleet.determinations import Determination, Source
 from radiometry.fleet.verdict import judge_fleet
 from service.calibrations.schemas import FleetVerdictAnswer, NewFleetVerdict, Parameter, VersionLeftOut
 from service.http import auth, lookup, operations
@@ -22,17 +22,17 @@ from store.tables import Camera
 class Determined(Answer, restates=(Determination, Source), fields="at value standard_uncertainty"):
     calibration_id: str
 
-    @classmethod
-    def of(cls, row: Determination) -> "Determined":
-        return cls.restate(row, row.source, calibration_id=row.source.version)
-
 
 class ParameterDrift(Parameter, restates=drift.Drift, without="key"):
     determinations: list[Determined]
 
     @classmethod
     def of(cls, row: drift.Drift) -> "ParameterDrift":
-        return cls.restate(row, row.key, determinations=[Determined.of(each) for each in row.determinations])
+        determined = [
+            Determined.restate(each, each.source, calibration_id=each.source.version)
+            for each in row.determinations
+        ]
+        return cls.restate(row, row.key, determinations=determined)
 
 
 class DriftAnswer(Answer):
@@ -41,18 +41,6 @@ class DriftAnswer(Answer):
     recalibrate_by: Instant | None = maybe("The earliest of all parameters.")
     parameters: list[ParameterDrift]
     left_out: list[VersionLeftOut]
-
-    @classmethod
-    def of(
-        cls, camera: Camera, method: Method, drifts: tuple[drift.Drift, ...], left_out: tuple[LeftOut, ...]
-    ) -> "DriftAnswer":
-        return cls.restate(
-            camera_id=camera.id,
-            method=method,
-            recalibrate_by=min((row.recalibrate_by for row in drifts if row.recalibrate_by), default=None),
-            parameters=[ParameterDrift.of(row) for row in drifts],
-            left_out=left_out,
-        )
 
 
 router = operations.Router(prefix="/v1", tags=["fleet"])
@@ -96,7 +84,13 @@ def get_drift(
         camera = lookup.owned(session, Camera, camera_id, caller)
         found = list_determinations(session, [camera], method, {})
     drifts, left_out = drift.judge_drift(found, method=method, tolerance=tolerance)
-    return DriftAnswer.of(camera, method, drifts, left_out).respond()
+    return DriftAnswer.restate(
+        camera_id=camera_id,
+        method=method,
+        recalibrate_by=min((row.recalibrate_by for row in drifts if row.recalibrate_by), default=None),
+        parameters=[ParameterDrift.of(row) for row in drifts],
+        left_out=left_out,
+    ).respond()
 
 
 def _refuse_other_models(cameras: Sequence[Camera]) -> None:

@@ -74,26 +74,6 @@ class ChecklistAnswer(Answer):
     signature: SignatureAnswer | None = None
     said: str | None = maybe("Why there are no items, where there are none.")
 
-    @classmethod
-    def of(
-        cls,
-        campaign_id: str,
-        items: list[checklist.ChecklistItem],
-        signature: ChecklistSignature | None,
-        state: str,
-    ) -> "ChecklistAnswer":
-        """Return the list; ``state`` is the hash of what a signature would sign now."""
-        done = sum(item.done_by is not None for item in items)
-        return cls.restate(
-            campaign_id=campaign_id,
-            done=done,
-            open=len(items) - done,
-            items=items,
-            signature=SignatureAnswer.restate(signature, changed=signature.state_sha256 not in {None, state})
-            if signature
-            else None,
-        )
-
 
 def explain_missing_checklist(campaign: Campaign) -> str:
     kind = "night of measurements" if campaign.measures else f"{campaign.method} campaign"
@@ -353,9 +333,16 @@ def _refuse_unknown(body: ChecklistChange) -> None:
 
 def _answer(session: Session, campaign: Campaign, record: checklist.RecordState | None) -> ChecklistAnswer:
     items = checklist.read_checklist(session, campaign, record)
-    signature = checklist.read_signature(session, campaign)
-    state = checklist.hash_state(session, campaign) if signature else ""
-    answer = ChecklistAnswer.of(campaign.id, items, signature, state)
-    if checklist.has_checklist(campaign):
-        return answer
-    return answer.model_copy(update={"said": explain_missing_checklist(campaign)})
+    done = sum(item.done_by is not None for item in items)
+    signed = None
+    if (signature := checklist.read_signature(session, campaign)) is not None:
+        state = checklist.hash_state(session, campaign)
+        signed = SignatureAnswer.restate(signature, changed=signature.state_sha256 not in {None, state})
+    return ChecklistAnswer.restate(
+        campaign_id=campaign.id,
+        done=done,
+        open=len(items) - done,
+        items=items,
+        signature=signed,
+        said=None if checklist.has_checklist(campaign) else explain_missing_checklist(campaign),
+    )

@@ -103,21 +103,6 @@ class CampaignMotionAnswer(Answer):
     beyond_limit: int
     rows: list[FrameMotionRow]
 
-    @classmethod
-    def of(
-        cls, rows: list[FrameMotionRow], optics: CampaignOptics, pixel_pitch_um: float
-    ) -> "CampaignMotionAnswer":
-        return cls.restate(
-            optics,
-            pixel_pitch_um=pixel_pitch_um,
-            ground_speed_m_s=optics.speed_m_s,
-            frames=len(rows),
-            with_rates=sum(row.basis is not None for row in rows),
-            within_limit=sum(row.within_limit is True for row in rows),
-            beyond_limit=sum(row.within_limit is False for row in rows),
-            rows=rows,
-        )
-
 
 router = operations.Router(prefix="/v1", tags=["tools"])
 
@@ -147,7 +132,16 @@ def get_campaign_motion(
             tables.write_csv([row.dump() for row in rows], list(FrameMotionRow.model_fields)),
             media_type="text/csv",
         )
-    return CampaignMotionAnswer.of(rows, optics, pitch_um).respond()
+    return CampaignMotionAnswer.restate(
+        optics,
+        pixel_pitch_um=pitch_um,
+        ground_speed_m_s=optics.speed_m_s,
+        frames=len(rows),
+        with_rates=sum(row.basis is not None for row in rows),
+        within_limit=sum(row.within_limit is True for row in rows),
+        beyond_limit=sum(row.within_limit is False for row in rows),
+        rows=rows,
+    ).respond()
 
 
 def _find_pitch(session: Session, campaign: Campaign, optics: CampaignOptics) -> float:

@@ -98,10 +98,6 @@ class QueueAnswer(models.Answer):
     )
     oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
 
-    @classmethod
-    def of(cls, queue: queries.Queue) -> "QueueAnswer":
-        return cls.model_validate(queue.counts | {"more": queue.more, "oldest_wait_s": queue.oldest_wait_s})
-
 
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
@@ -177,9 +173,8 @@ def list_jobs(
 @router.get("/summary", response_model=QueueAnswer)
 def get_queue(caller: auth.Reader, session: Session) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
-    return QueueAnswer.of(
-        queries.summarise_queue(session, caller.organisation_id, get_args(tables.JobState))
-    ).respond()
+    queue = queries.summarise_queue(session, caller.organisation_id, get_args(tables.JobState))
+    return QueueAnswer.restate(queue.counts, queue).respond()
 
 
 @router.get("/causes", response_model=JobCausesAnswer)

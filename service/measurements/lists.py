@@ -327,7 +327,17 @@ def get_measurement_map_values(
         values = maps.read_values(found.path, layout, window, step=asked.step)
         if asked.layer == "expanded_uncertainty_rel":
             values = maps.map_uncertainty(found, window, values, step=asked.step)
-        answer = maps.MapValuesAnswer.of(found.row, layout, window, values, asked, notes=found.list_notes())
+        is_value = asked.layer == "value"
+        answer = maps.MapValuesAnswer.restate(
+            layout,
+            window,
+            asked,
+            unit=layout.unit if is_value else "1",
+            # the shortest decimals that are the same float32: as doubles they would be twice as long
+            values=[[None if np.isnan(value) else float(str(value)) for value in line] for line in values],
+            uncertainty=maps.uncertainty_of(found.row.result) if is_value else None,
+            notes=found.list_notes(),
+        )
     return answer.respond(answers.immutable_headers(tag))
 
 

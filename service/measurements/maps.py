@@ -205,32 +205,6 @@ class MapValuesAnswer(models.Answer):
     )
     notes: list[str] = models.told("What the uncertainty of a place does not contain.")
 
-    @classmethod
-    def of(
-        cls,
-        row: Measurement,
-        layout: Layout,
-        window: Window,
-        values: Values,
-        asked: MapWindow,
-        *,
-        notes: list[str],
-    ) -> "MapValuesAnswer":
-        is_value = asked.layer == "value"
-        return cls(
-            layer=asked.layer,
-            unit=layout.unit if is_value else "1",
-            height_px=layout.height_px,
-            width_px=layout.width_px,
-            top=window.top,
-            left=window.left,
-            step=asked.step,
-            # the shortest decimals that are the same float32: as doubles they would be twice as long
-            values=[[None if np.isnan(value) else float(str(value)) for value in line] for line in values],
-            uncertainty=uncertainty_of(row.result) if is_value else None,
-            notes=notes,
-        )
-
 
 class FootprintAnswer(models.Answer):
     """A GeoJSON polygon: one ring of longitude and latitude, closed."""

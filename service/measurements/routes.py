@@ -1,7 +1,7 @@
 """Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
 
 from pathlib import PurePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 from urllib.parse import quote
 
 from fastapi import Query, Request, Response
@@ -78,16 +78,6 @@ class MeasurementRecord(
     frames: list[MeasuredFrame] = models.told("The measured frame first.")
     calibration: MeasuredWith
     map_sha256: str | None = models.maybe("SHA-256 of map.tif, where there is one.")
-
-    @classmethod
-    def of(cls, row: Measurement, frames: list[FrameRow], calibration: Calibration) -> "MeasurementRecord":
-        more: dict[str, Any] = {
-            "schema_version": RECORD_SCHEMA,
-            "frames": [MeasuredFrame.restate(frame) for frame in frames],
-            "calibration": MeasuredWith.restate(calibration),
-            "map_sha256": row.map_tif_sha256,
-        }
-        return cls.restate(row, **more)
 
 
 router = operations.Router(prefix="/v1", tags=["measurements"])
@@ -195,8 +185,13 @@ def get_measurement_record(
     calibration = session.get_one(Calibration, row.calibration_id)
     more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
     ids = [row.frame_id, *(named["frame_id"] for named in more)]
-    frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
-    return MeasurementRecord.of(row, frames, calibration).respond(answers.immutable_headers(tag))
+    return MeasurementRecord.restate(
+        row,
+        schema_version=RECORD_SCHEMA,
+        frames=[MeasuredFrame.restate(session.get_one(FrameRow, frame_id)) for frame_id in ids],
+        calibration=MeasuredWith.restate(calibration),
+        map_sha256=row.map_tif_sha256,
+    ).respond(answers.immutable_headers(tag))
 
 
 @router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
@@ -330,21 +325,6 @@ class ContrastAnswer(Compared):
         "Of two grids with as many rows and columns: cell by cell."
     )
 
-    @classmethod
-    def between(cls, old: Side, new: Side, found: MeasurementComparison) -> "ContrastAnswer":
-        mean = found.mean
-        return cls.restate(
-            mean,
-            old=Measured.of(old),
-            new=Measured.of(new),
-            significant=found.is_significant,
-            confusion_rel=found.confusion_rel,
-            said=_format_verdict(found) + ("" if found.same_region else _OTHER_REGION),
-            common=found.common,
-            same_region=found.same_region,
-            cells=found.cells or None,
-        )
-
 
 def _format_verdict(found: MeasurementComparison) -> str:
     mean = found.mean
@@ -387,7 +367,15 @@ def contrast_measurements(
     if was != is_now:
         raise wrong("query.old", f"is of {was}, the other of {is_now}: compare like with like")
     found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
-    return ContrastAnswer.between(before, after, found).respond()
+    return ContrastAnswer.restate(
+        found.mean,
+        found,
+        old=Measured.of(before),
+        new=Measured.of(after),
+        significant=found.is_significant,
+        said=_format_verdict(found) + ("" if found.same_region else _OTHER_REGION),
+        cells=found.cells or None,
+    ).respond()
 
 
 def _side(session: Session, measurement_id: str, caller: auth.Caller) -> Side:

@@ -27,8 +27,7 @@ from service.http.paging import Page, UsesPaging
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
-from store.queries.usage import MOST_JOBS_WAITING, Used, read_usage
-from store.settings import Settings
+from store.queries.usage import MOST_JOBS_WAITING, read_usage
 from store.tables import ApiKey, AuditEntry, Organisation, WebSession, utc_now
 
 
@@ -62,16 +61,6 @@ class UsageAnswer(Answer):
     requests_in_minute: int = told("As the process that answers has counted them.")
     requests_in_minute_limit: int | None = None
 
-    @classmethod
-    def of(cls, used: Used, requests: int, settings: Settings) -> "UsageAnswer":
-        return cls.restate(
-            used,
-            frames_limit=settings.quota_frames or None,
-            stored_bytes_limit=settings.quota_bytes or None,
-            requests_in_minute=requests,
-            requests_in_minute_limit=settings.quota_requests_per_minute or None,
-        )
-
 
 class OwnOrganisationAnswer(
     Answer,
@@ -85,12 +74,16 @@ router = operations.Router(prefix="/v1/organisation", tags=["keys"])
 
 
 @router.get("", response_model=OwnOrganisationAnswer)
-def get_organisation(caller: auth.Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_organisation(caller: auth.Reader, context: UsesContext, session: Session) -> Response:
     """The organisation that your key belongs to, and what it uses of what it may."""
-    with context.database.reading() as session:
-        row = session.get_one(Organisation, caller.organisation_id)
-        used = read_usage(session, row.id)
-    usage = UsageAnswer.of(used, context.rates.used(row.id), context.settings)
+    row, settings = session.get_one(Organisation, caller.organisation_id), context.settings
+    usage = UsageAnswer.restate(
+        read_usage(session, row.id),
+        frames_limit=settings.quota_frames or None,
+        stored_bytes_limit=settings.quota_bytes or None,
+        requests_in_minute=context.rates.used(row.id),
+        requests_in_minute_limit=settings.quota_requests_per_minute or None,
+    )
     return OwnOrganisationAnswer.restate(row, usage=usage).respond()
 
 

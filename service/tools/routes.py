@@ -68,18 +68,6 @@ class CoverageAnswer(Answer, restates=Coverage, without="horizontal_fov_deg vert
     fov_deg: FieldOfView
     missing: str | None = models.maybe("What is left out, and why.")
 
-    @classmethod
-    def of(cls, form: NewCoverage, coverage: Coverage) -> "CoverageAnswer":
-        why = None
-        if coverage.horizon_in_view:
-            why = (
-                f"far_m, gsd_far_m, gsd_far_along_m and footprint: the upper edge looks "
-                f"{form.tilt_deg + coverage.vertical_fov_deg / 2:.1f} degrees up from straight down, at the "
-                "horizon or above it."
-            )
-        fov = {"horizontal": coverage.horizontal_fov_deg, "vertical": coverage.vertical_fov_deg}
-        return cls.restate(coverage, name=form.name, fov_deg=fov, missing=why)
-
 
 class CoveragesAnswer(Answer):
     """A rig's cameras, in its order."""
@@ -200,10 +188,6 @@ class MotionAnswer(Answer, restates=Motion):
     name: str | None = None
     limit_px: float
     ground_speed_m_s: float | None = models.maybe("As it was understood.")
-
-    @classmethod
-    def of(cls, form: NewMotion, motion: Motion) -> "MotionAnswer":
-        return cls.restate(motion, form.case(), name=form.name)
 
 
 class MotionsAnswer(Answer):
@@ -389,8 +373,16 @@ def fit_exposure_exponents(body: Exposures, _caller: auth.Reader) -> Response:
 
 
 def _move(form: NewMotion) -> MotionAnswer:
-    return MotionAnswer.of(form, motion.compute_motion(form.case()))
+    return MotionAnswer.restate(motion.compute_motion(form.case()), form.case(), name=form.name)
 
 
 def _cover(form: NewCoverage) -> CoverageAnswer:
-    return CoverageAnswer.of(form, coverage.compute_coverage(form.view()))
+    found, why = coverage.compute_coverage(form.view()), None
+    if found.horizon_in_view:
+        why = (
+            f"far_m, gsd_far_m, gsd_far_along_m and footprint: the upper edge looks "
+            f"{form.tilt_deg + found.vertical_fov_deg / 2:.1f} degrees up from straight down, at the "
+            "horizon or above it."
+        )
+    fov = {"horizontal": found.horizontal_fov_deg, "vertical": found.vertical_fov_deg}
+    return CoverageAnswer.restate(found, name=form.name, fov_deg=fov, missing=why)

@@ -4,7 +4,7 @@ import json
 import re
 import secrets
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any, Final
 
 from fastapi import Request, Response
@@ -24,6 +24,7 @@ from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame, require_si
 from service.uploads.tus import answer
 from store.blobs import StoredBlob
 from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial
+from store.queries import group_by
 from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
 from store.queries.organisations import find_key, find_key_by_id
@@ -48,18 +49,6 @@ class KnownFrame(models.Answer, restates=FrameRow, fields="sha256 filename scene
 class KnownAnswer(models.Answer):
     known: list[KnownFrame]
     unknown: list[str] = models.told("To be sent. In the order asked, each once.")
-
-    @classmethod
-    def of(cls, asked: Sequence[str], found: Sequence[FrameRow], jobs: Mapping[str, str]) -> "KnownAnswer":
-        places = {each: [frame for frame in found if frame.sha256 == each] for each in dict.fromkeys(asked)}
-        return cls(
-            known=[
-                KnownFrame.restate(frame, frame_id=frame.id, job_id=jobs.get(frame.id))
-                for there in places.values()
-                for frame in there
-            ],
-            unknown=[each for each, there in places.items() if not there],
-        )
 
 
 router = operations.Router(prefix="/v1/uploads", tags=["uploads"])
@@ -348,5 +337,13 @@ def _answer(context: Context, body: HashesAsked, find: Callable[[Session], Itera
         sizes = read_sizes(session, {frame.sha256 for frame in found})
         jobs = find_reading_jobs(session, [frame.id for frame in found])
     absent = context.files.find_absent(sizes)
-    whole = [frame for frame in found if frame.sha256 not in absent]
-    return KnownAnswer.of(body.sha256, whole, jobs).respond()
+    whole = group_by([frame for frame in found if frame.sha256 not in absent], lambda frame: frame.sha256)
+    asked = dict.fromkeys(body.sha256)
+    return KnownAnswer(
+        known=[
+            KnownFrame.restate(frame, frame_id=frame.id, job_id=jobs.get(frame.id))
+            for each in asked
+            for frame in whole.get(each, ())
+        ],
+        unknown=[each for each in asked if each not in whole],
+    ).respond()
