@@ -22,32 +22,27 @@ COUNTRY = r"^[A-Z]{2}$"
 ADDRESS = r"^https?://[!-~]+$"
 
 _OBJECT = "must be a JSON object"
-_INSTANT = "must be a time such as 2026-05-01T08:00:00Z"
 _WORDS = {
     "missing": "is missing",
     "extra_forbidden": "is not known here; check its spelling or leave it out",
-    "model_attributes_type": _OBJECT,
-    "model_type": _OBJECT,
-    "dict_type": _OBJECT,
+    **dict.fromkeys(("model_attributes_type", "model_type", "dict_type"), _OBJECT),
     "list_type": "must be a list",
     "finite_number": "must be a finite number",
-    "float_type": "must be a number",
-    "float_parsing": "must be a number",
-    "int_type": "must be a whole number",
-    "int_parsing": "must be a whole number",
-    "int_from_float": "must be a whole number",
+    **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
     "bool_type": "must be true or false",
     "string_type": "must be text",
     "string_pattern_mismatch": "must not hold control characters such as line breaks or tabs",
     "string_unicode": "must be text in Unicode",
     "timezone_aware": "needs a time zone: 2026-05-01T08:00:00Z or 2026-05-01T10:00:00+02:00",
-    "datetime_type": _INSTANT,
-    "datetime_parsing": _INSTANT,
-    "datetime_from_date_parsing": _INSTANT,
-    "datetime_object_invalid": _INSTANT,
-    "date_parsing": "must be a date such as 2026-05-01",
-    "date_from_datetime_parsing": "must be a date such as 2026-05-01",
-    "date_from_datetime_inexact": "must be a date such as 2026-05-01",
+    **dict.fromkeys(
+        ("datetime_type", "datetime_parsing", "datetime_from_date_parsing", "datetime_object_invalid"),
+        "must be a time such as 2026-05-01T08:00:00Z",
+    ),
+    **dict.fromkeys(
+        ("date_parsing", "date_from_datetime_parsing", "date_from_datetime_inexact"),
+        "must be a date such as 2026-05-01",
+    ),
 }
 _PATTERNS = {
     SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f",
