@@ -190,6 +190,8 @@ def _unauthenticated(detail: str) -> problems.Problem:
     return problems.Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
 
 
+Anybody = Annotated[Caller, Depends(get_caller)]
+"""With any key."""
 Reader = Annotated[Caller, Depends(Needs("read"))]
 Uploader = Annotated[Caller, Depends(Needs("upload"))]
 Calibrator = Annotated[Caller, Depends(Needs("calibrate"))]

@@ -67,7 +67,6 @@ def serve_forked(settings: Settings, serve: Serve) -> int:
         data=settings.data,
         lock=-1,
         patience=Patience(hang_s=settings.hang_s),
-        report=report,
         pulses=pulses,
     )
     with Signals() as signals:

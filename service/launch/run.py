@@ -134,7 +134,6 @@ def _run(settings: Wanted, roster: Roster, signals: Signals, stack: ExitStack) -
             lock_s=settings.database_timeout_s / 3,
             find_stopped_writer=partial(find_stopped_writer, settings.database_url),
         ),
-        report=report,
     )
     stack.callback(supervisor.stop, signals)
     if broker is not None:

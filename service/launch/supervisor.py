@@ -18,7 +18,7 @@ from types import FrameType, TracebackType
 from typing import BinaryIO, Self
 
 from radiometry.records import Record
-from service.launch.folder import has_room
+from service.launch.folder import has_room, report
 from store.pulse import read_beat
 
 _PR_SET_PDEATHSIG = 1
@@ -235,7 +235,6 @@ class Supervisor:
     data: Path
     lock: int
     patience: Patience
-    report: Callable[[str], None]
     pulses: Path | None = None
 
     def __post_init__(self) -> None:
@@ -287,7 +286,7 @@ class Supervisor:
                 while process.poll() is None and signals.stops <= stops:
                     left_s = started + part.stop_within_s - time.monotonic()
                     if left_s <= 0:
-                        self.report(f"{part.name} did not stop within {part.stop_within_s:g} s and is killed")
+                        report(f"{part.name} did not stop within {part.stop_within_s:g} s and is killed")
                         break
                     signals.wait(min(left_s, 0.2))
                 _kill_group(process)
@@ -322,7 +321,7 @@ class Supervisor:
         except OSError as error:
             # No memory, no room, no process free: a passing fault of the machine.
             child.start_at = now + LONGEST_PAUSE_S
-            self.report(f"{child.part.name} could not be started and is tried again: {error}")
+            report(f"{child.part.name} could not be started and is tried again: {error}")
 
     def _feel(self, child: _Child, process: Process) -> None:
         """Kill a part whose pulse has not changed for too long while the launcher looked."""
@@ -346,7 +345,7 @@ class Supervisor:
             self._kill(child, process, "was stopped while it held the write lock of the database")
 
     def _kill(self, child: _Child, process: Process, why: str) -> None:
-        self.report(f"{child.part.name} {why} and is killed")
+        report(f"{child.part.name} {why} and is killed")
         _kill_group(process)
         with suppress(subprocess.TimeoutExpired):
             process.wait(1.0)
@@ -370,14 +369,14 @@ class Supervisor:
         pause_s = min(FIRST_PAUSE_S * 2 ** (len(child.deaths) - 1), LONGEST_PAUSE_S)
         child.start_at = now + pause_s
         where = "" if child.part.run else f" (log: {child.log})"
-        self.report(f"{child.part.name} {how} and is started again{where}")
+        report(f"{child.part.name} {how} and is started again{where}")
 
     def _wait_for_room(self, child: _Child, now: float) -> None:
         """Try again without counting: nothing that died on a full disk is broken for that."""
         child.deaths.clear()
         child.start_at = now + LONGEST_PAUSE_S
         if not self._was_full:
-            self.report(f"the disk of {self.data} is full: what ends is started again until there is room")
+            report(f"the disk of {self.data} is full: what ends is started again until there is room")
         self._was_full = True
 
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from fastapi import Depends, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
@@ -330,7 +330,7 @@ def list_keys(paging: UsesPaging, caller: auth.Admin, session: Session) -> Respo
 
 
 @keys_router.get("/keys/own", response_model=OwnKeyAnswer)
-def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], session: Session) -> Response:
+def get_own_key(caller: auth.Anybody, session: Session) -> Response:
     """The key that you ask with: whose it is and what it may do. Any key may ask."""
     key = session.get_one(ApiKey, caller.key_id)
     organisation = session.get_one(Organisation, caller.organisation_id)
@@ -393,19 +393,20 @@ def _require_both(person: str | None, role: str | None) -> None:
 
 sessions_router = operations.Router(prefix="/v1/sessions", tags=["keys"])
 
-AnyCaller = Annotated[auth.Caller, Depends(auth.get_caller)]
 OfKey = Annotated[Text | None, Query(description="Only those opened with this key.")]
 
 
 @sessions_router.get("", response_model=Page[SessionAnswer])
-def list_sessions(paging: UsesPaging, caller: AnyCaller, session: Session, key_id: OfKey = None) -> Response:
+def list_sessions(
+    paging: UsesPaging, caller: auth.Anybody, session: Session, key_id: OfKey = None
+) -> Response:
     """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
     rows = _select(caller, key_id)
     return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
 
 
 @sessions_router.delete("", response_model=EndedSessions)
-def end_other_sessions(caller: AnyCaller, session: Session, key_id: OfKey = None) -> changes.Reply:
+def end_other_sessions(caller: auth.Anybody, session: Session, key_id: OfKey = None) -> changes.Reply:
     """End every session that the list shows, except the one that asks."""
     others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
     for row in others:
@@ -414,7 +415,7 @@ def end_other_sessions(caller: AnyCaller, session: Session, key_id: OfKey = None
 
 
 @sessions_router.delete("/{session_id}", response_model=SessionAnswer)
-def end_session(session_id: lookup.Id, caller: AnyCaller, session: Session) -> changes.Reply:
+def end_session(session_id: lookup.Id, caller: auth.Anybody, session: Session) -> changes.Reply:
     """End a session at once: its browser has to sign in again. It stays in the record."""
     row = lookup.owned(session, WebSession, session_id, caller)
     if row.key_id != caller.key_id and not _is_admin(caller):
