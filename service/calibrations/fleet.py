@@ -72,7 +72,7 @@ def get_drift(
     camera_id: lookup.Id,
     caller: auth.Reader,
     context: UsesContext,
-    method: Annotated[Method, Query()],
+    method: Method,
     tolerance: Annotated[
         PositiveText | None, Query(description="A share below 1 such as 0.04; of geometry px.")
     ] = None,

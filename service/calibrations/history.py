@@ -272,7 +272,7 @@ def get_camera_validity(
     camera_id: lookup.Id,
     caller: auth.Reader,
     session: Session,
-    method: Annotated[Method, Query()],
+    method: Method,
     known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
 ) -> Response:
     """List the published versions of a method with the times for which they were in force.

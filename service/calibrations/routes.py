@@ -111,8 +111,8 @@ def list_camera_calibrations(
     paging: UsesPaging,
     caller: Reader,
     session: Session,
-    method: Annotated[str | None, Query()] = None,
-    state: Annotated[calibrations.VersionState | None, Query()] = None,
+    method: str | None = None,
+    state: calibrations.VersionState | None = None,
 ) -> Response:
     """A camera's history, newest first."""
     owned(session, Camera, camera_id, caller)

@@ -139,8 +139,8 @@ def list_jobs(
     paging: UsesPaging,
     caller: auth.Reader,
     session: Session,
-    state: Annotated[tables.JobState | None, Query()] = None,
-    kind: Annotated[tables.JobKind | None, Query()] = None,
+    state: tables.JobState | None = None,
+    kind: tables.JobKind | None = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
     subject: Annotated[
         models.Text | None,

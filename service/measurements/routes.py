@@ -140,8 +140,8 @@ def list_measurements(
     paging: UsesPaging,
     caller: auth.Reader,
     session: Session,
-    camera_id: Annotated[models.Text | None, Query()] = None,
-    campaign_id: Annotated[models.Text | None, Query()] = None,
+    camera_id: models.Text | None = None,
+    campaign_id: models.Text | None = None,
     calibration_id: OfCalibration = None,
 ) -> Response:
     """The measurements of your organisation, newest first."""

@@ -299,7 +299,7 @@ def plot_fleet(
     session: Session,
     view: Annotated[View, Depends()],
     camera_id: Annotated[list[models.Text], Query()],
-    method: Annotated[models.Method, Query()],
+    method: models.Method,
 ) -> Response:
     cameras = [lookup.owned(session, Camera, each, caller) for each in camera_id]
     found = fleet.list_determinations(session, cameras, method, {})
@@ -318,8 +318,8 @@ def plot_drift(
     caller: auth.Reader,
     session: Session,
     view: Annotated[View, Depends()],
-    method: Annotated[models.Method, Query()],
-    name: Annotated[models.Text, Query()],
+    method: models.Method,
+    name: models.Text,
 ) -> Response:
     camera = lookup.owned(session, Camera, camera_id, caller)
     found = fleet.list_determinations(session, [camera], method, {})
@@ -338,15 +338,15 @@ def plot_drift(
 class Wanted:
     """A coefficient of a method, and the time as of which its versions are known."""
 
-    method: Annotated[models.Method, Query()]
-    name: Annotated[models.Text, Query()]
-    iso: Annotated[float | None, Query()] = None
-    f_number: Annotated[float | None, Query()] = None
-    band: Annotated[models.Text | None, Query()] = None
-    channel: Annotated[models.Text | None, Query()] = None
+    method: models.Method
+    name: models.Text
+    iso: float | None = None
+    f_number: float | None = None
+    band: models.Text | None = None
+    channel: models.Text | None = None
     model: Annotated[models.Text | None, Query(description="Where it is one of several.")] = None
-    at: Annotated[models.Instant | None, Query()] = None
-    known_at: Annotated[models.Instant | None, Query()] = None
+    at: models.Instant | None = None
+    known_at: models.Instant | None = None
 
 
 @router.get("/plots/cameras/{camera_id}/{figure}")

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Final
 from urllib.parse import urlencode
 
-from fastapi import Depends, Query, Response
+from fastapi import Depends, Response
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -111,9 +111,7 @@ def show_plot(
 
 
 @router.get("/measurements/comparison")
-def show_comparison(
-    page: SignedInPage, session: Session, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
-) -> Response:
+def show_comparison(page: SignedInPage, session: Session, old: Text, new: Text) -> Response:
     for named in (old, new):
         owned(session, Measurement, named, page.caller)
     return page.render("comparison.html", title="Compare measurements", old=old, new=new)
@@ -147,13 +145,7 @@ def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
 
 @router.get("/plots/roads/{road_id}/{number}")
 def show_road_map(
-    road_id: Id,
-    number: int,
-    caller: auth.Reader,
-    context: UsesContext,
-    layers: Annotated[Text, Query()],
-    *,
-    upright: Annotated[bool, Query()],
+    road_id: Id, number: int, caller: auth.Reader, context: UsesContext, layers: Text, *, upright: bool
 ) -> Response:
     """Answer the map of an evaluation with its lanes and points; upright as one walks it."""
     with context.database.reading() as session:
