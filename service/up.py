@@ -1,8 +1,4 @@
-"""`make up`: the whole service in the foreground on its embedded parts; `python -m service.up [part ...]`.
-
-One tree of processes that goes down together, also if this one is killed. The worker is started as a process
-and not imported.
-"""
+"""`make up`: the whole service in the foreground, as one tree of processes (`service.up [part ...]`)."""
 
 import sys
 from dataclasses import replace

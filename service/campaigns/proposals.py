@@ -75,10 +75,7 @@ class CardFrame(FrameOfCard):
 def choose_methods(
     frames: Sequence[CardFrame], in_force: Collection[str]
 ) -> tuple[MethodSpec, MethodSpec | None, bool]:
-    """Return the method to calibrate, that of a night of measurements, and whether it looks like a night.
-
-    ``in_force`` : names of the methods of which the camera has a version
-    """
+    """Return the method to calibrate, that of a night, and whether it looks like one; `in_force`: names."""
     pictures = all(frame.name.lower().endswith(_PICTURES) for frame in frames)
     able = [spec for spec in METHODS if not pictures or all(role == CHART for role in _roles(spec))]
     words = _words(able)
@@ -106,10 +103,7 @@ def choose_methods(
 def sort_card(
     frames: Sequence[CardFrame], spec: MethodSpec, *, night: bool, there: Sequence[CardFrame] = ()
 ) -> list[CardFrame]:
-    """Return each frame with its role, and its scene where the role has one.
-
-    ``there`` : frames in scenes of the campaign that these are added to; the scenes go on
-    """
+    """Return each frame with role and scene; `there`: frames in the scenes of the campaign, which go on."""
     if night:
         return [frame.model_copy(update={"role": FIELD.name}) for frame in frames]
     roles = {role.name: role for role in _roles(spec)}

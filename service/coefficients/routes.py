@@ -71,11 +71,7 @@ def _hash(etags: tuple[str, ...], chosen: tuple[tuple[str, Any], ...]) -> str:
 
 
 def _choose(wanted: Wanted, chosen: dict[str, Any], held: lookups.Held) -> list[dict[str, Any]]:
-    """Return the items with what was asked for.
-
-    What is known both in general and at f-numbers is answered at the f-number asked for if it is known
-    there, else in general.
-    """
+    """Return the items asked for: of one known in general and at f-numbers that at the f-number asked for."""
     stored: list[dict[str, Any]] = from_json(held.items)
     asked = {name: value for name, value in chosen.items() if name != "f_number"}
     items = [
@@ -119,11 +115,7 @@ def _foresee(
 
 
 class AnswersReady(operations.Operation):
-    """A look-up in one query, which also checks the key; what that does not answer goes the usual way.
-
-    The usual way answers the same, and refuses what is to be refused; what the framework does for any route
-    takes longer than the query.
-    """
+    """A look-up in one query, which checks the key too; what it does not answer goes the usual way."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         go_the_usual_way = super().get_route_handler()

@@ -26,10 +26,7 @@ _UNITS: Final = {
 
 
 def write_dcc(certificate: sheets.Node, *, country: str, state: str, document: bytes) -> bytes:
-    """Write a certificate that has a customer and days, with its JSON as the document.
-
-    ``country`` : of the laboratory, two letters of ISO 3166. ``state`` : which it is marked with
-    """
+    """Write a certificate that has a customer and days, with its JSON; `country`: two letters of ISO 3166."""
     labels = {each.name: each.label for each in get_method(certificate["method"]).coefficients}
     stamp, software = pages.STAMPS[state], certificate["software"]
     written = _template().render(

@@ -1,8 +1,4 @@
-"""Issuing certificates: JSON and PDF are made and stored before a publication begins, which keeps them.
-
-No transaction waits for the typesetter. If it fails nothing is published; files of what was never published
-are named by no row.
-"""
+"""Issuing certificates: made and stored before a publication begins, for which no transaction waits."""
 
 import logging
 from typing import Final
@@ -37,10 +33,7 @@ class Prepared(Record):
 
 
 def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
-    """Make and store the certificate that a publication issues.
-
-    409 when the organisation publishes nothing that lacks something.
-    """
+    """Make and store the certificate that a publication issues; 409 if one that lacks something is refused."""
     with context.database.reading() as session:
         calibration = lookup.owned(session, Calibration, calibration_id, caller)
         publications.require_not_revoked(session, calibration)
@@ -80,10 +73,7 @@ def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate
 
 
 class Backlog:
-    """Issues what was published before certificates were kept, one version after the other.
-
-    A version is whole or still to come: a process that is killed leaves the others to the next.
-    """
+    """Issues what was published before certificates were kept: a version is whole or still to come."""
 
     def __init__(self, context: Context) -> None:
         self._context = context

@@ -53,10 +53,7 @@ def name_source(content: bytes) -> str:
 
 
 def find_rendered(context: Context, source: str) -> bytes | None:
-    """Return the file that is kept; None if it was never made, or lost since.
-
-    What is kept keeps its bytes, whatever Typst sets later.
-    """
+    """Return the file that is kept, byte for byte; None if it was never made, or lost since."""
     with context.database.reading() as session:
         kept = session.get(Rendering, source)
     if kept is None:
@@ -81,10 +78,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
 
 
 def render_apart(order: bytes, *, require: bool = False, first: bool = False) -> bytes:
-    """Render an order in a process that is shut in and ends.
-
-    ``require`` : fully shut in, or not at all. ``first`` : at the usual priority, where a publication waits
-    """
+    """Render in a process that ends, shut in (fully, with `require`); `first`: at the usual priority."""
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
         [*build_command("service.documents"), *chosen],

@@ -49,10 +49,7 @@ _LONGEST: Final = 120  # letters of what people type
 
 
 class Reported(Record):
-    """Statements of a report beside the measurement's answer.
-
-    ``picture`` : an SVG of the map, or of the preview if there is no map; "" without either
-    """
+    """Statements beside the measurement's answer; `picture`: SVG of the map, else of the preview, or ""."""
 
     quantity: str
     camera: Camera

@@ -98,11 +98,7 @@ def standing_headers(tag: str) -> dict[str, str]:
 def send_blob(
     request: Request, files: Files, sha256: str, media_type: str, headers: dict[str, str]
 ) -> Response:
-    """Send the bytes under a hash, which is their tag, each MiB after its proof; or a range of them.
-
-    Damage within the first is a problem. Later it breaks the connection before the Content-Length is reached,
-    so that no client takes what came for the file.
-    """
+    """Send the bytes under a hash, or a range of them, each MiB after its proof; damage breaks it off."""
     if (unchanged := not_modified(request, sha256)) is not None:
         return unchanged
     size_bytes, pieces = files.open(sha256)

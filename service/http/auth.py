@@ -68,10 +68,7 @@ async def get_caller(
 
 
 async def identify(request: Request) -> None:
-    """Find out who asks, for the operation and for the limits of its body; refuse strangers.
-
-    The little that a stranger may say is taken first, so that the answer is read and not a broken connection.
-    """
+    """Find out who asks, for operation and limits; refuse strangers, after the little that they may say."""
     request.state.caller = None
     try:
         if credentials := await _bearer(request):

@@ -95,10 +95,7 @@ def run_all(
     requests: Sequence[tuple[Writing, Item]],
     change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
 ) -> list[JSONResponse]:
-    """Do what several requests of one caller ask, in one transaction; what was done before is not done again.
-
-    When another did the same at once, look again and find it done.
-    """
+    """Do what several requests of one caller ask in one transaction, each once, whoever does it too."""
     for attempt in range(_ATTEMPTS):
         try:
             return _run_all(caller, requests, change)

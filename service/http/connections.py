@@ -124,11 +124,7 @@ class Connections:
 
 
 class _Joining:
-    """A transport that sends the head of an answer together with the beginning of its body.
-
-    The server writes them one after the other, each with a system call and a packet of its own. A head
-    without a body goes in the loop's next turn.
-    """
+    """A transport that sends the head of an answer with the beginning of its body: one packet, not two."""
 
     def __init__(self, transport: asyncio.Transport, loop: asyncio.AbstractEventLoop) -> None:
         self._transport, self._loop = transport, loop

@@ -32,11 +32,7 @@ _Waiting = deque[tuple[Any, "asyncio.Future[Any]"]]
 
 
 class Together:
-    """Commits together the requests of a key that arrive together, which then share what one commit costs.
-
-    Nobody waits for company: what gathers while a transaction is under way is in the next. Each request is
-    answered after its commit. They wait by event loop and key, each in its loop's thread alone.
-    """
+    """Commits together what gathers of a key while a commit is under way: nobody waits for company."""
 
     def __init__(self) -> None:
         self.waiting: dict[tuple[object, str], _Waiting] = {}

@@ -77,11 +77,7 @@ class _Failures:
 
 
 class Attempts:
-    """Failures by address and by key, and the keys that have lately been right.
-
-    A key that was right lately is not kept waiting because somebody else at its address fails, as behind a
-    proxy that hides addresses.
-    """
+    """Failures by address and by key; who was right lately does not wait for others behind one proxy."""
 
     def __init__(self, clock: Callable[[], float] = time.time, *, free: int = FREE) -> None:
         self._clock = clock

@@ -27,10 +27,7 @@ def owned(
     for_update: bool = False,
     options: Sequence[ORMOption] = (),
 ) -> Row:
-    """Return the caller's row with this id, locked for whoever changes what it holds; 404 otherwise.
-
-    ``options`` : columns that are read, where the row is large
-    """
+    """Return the caller's row of this id, locked for a change; 404 otherwise. `options`: what is read."""
     row = _find(session, table, row_id, caller, with_for_update=for_update or None, options=options)
     if row is None:
         raise problems.not_found(_name(table))

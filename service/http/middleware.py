@@ -51,10 +51,7 @@ class _Layer(abc.ABC):
 
 
 class BodyLimit(_Layer):
-    """Refuses a body that is too large or too slow as soon as that is known.
-
-    How much is too large depends on who asks, which an operation knows before it takes the first byte.
-    """
+    """Refuses a body that is too large, or too slow, for who asks, as soon as that is known."""
 
     def __init__(self, app: ASGIApp) -> None:
         super().__init__(app)
@@ -156,11 +153,7 @@ class _Template:
 
 
 class Addresses:
-    """The templates of an application's routes, its pages' too.
-
-    Made of a whole application: the framework then builds its routes, which takes a third of a second of a
-    processor, before the first request and not within it.
-    """
+    """The templates of an application's routes; made of a whole one, so that its routes are built by then."""
 
     def __init__(self, app: FastAPI) -> None:
         self._templates = [
@@ -243,11 +236,7 @@ _MEMBER: Final = re.compile(r"(?:^|,)\s*(sha-256|sha-512)\s*=([^,]*)", re.IGNORE
 
 
 class ContentDigests(_Layer):
-    """Refuses a body that is not the announced one, when its last byte is there.
-
-    Of an upload only `Content-Digest` is looked at here: `Repr-Digest` is the file's, also in a form, and
-    `service/uploads/frames.py` hashes the file anyway.
-    """
+    """Refuses a body that is not the announced one; an upload compares its file's `Repr-Digest` itself."""
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
@@ -378,10 +367,7 @@ _FOR_MACHINES: Final = frozenset({"/livez", "/readyz", "/metrics"})
 
 
 class KnownHosts(_Layer):
-    """Refuses names that are not listed, where any are; and never sends anybody to a host of a stranger's.
-
-    Behind a proxy whose name nobody has listed, addresses in answers are paths: they hold under any name.
-    """
+    """Refuses names that are not listed, where any are; under others addresses in answers are paths."""
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         hosts: connections.Hosts = scope["app"].state.context.hosts

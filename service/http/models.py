@@ -264,10 +264,7 @@ answered_as: dict[Any, Any] = {datetime: Instant, date: Day}
 
 
 def model_of(record: type, base: type[BaseModel]) -> Any:  # noqa: ANN401  a model made at run time
-    """Return a record of the science as a form or an answer; what has a default may be left out.
-
-    Records inside become models too, unless they are answered already.
-    """
+    """Return a record, and those inside, as forms or answers; what has a default may be left out."""
     is_form = issubclass(base, Form)
     if not is_form and record in answered_as:
         return answered_as[record]

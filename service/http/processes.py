@@ -159,10 +159,7 @@ def stopping() -> problems.Problem:
 
 
 class Traffic:
-    """The requests that are open, and whether the service is stopping.
-
-    Lives in the event loop's thread, as all that calls it does.
-    """
+    """The requests that are open, and whether the service is stopping; in the event loop's thread alone."""
 
     def __init__(self) -> None:
         self.stopping = False
@@ -275,10 +272,7 @@ class _Exchange:
 
 
 class Server(uvicorn.Server):
-    """Stops in order: /readyz says so, waits for jobs end, open requests end or are cut, the port closes.
-
-    It listens to the end: who comes meanwhile is served, not turned away for as long as the slowest lasts.
-    """
+    """Stops in order, listening to the end: waits for jobs end, requests end or are cut, the port closes."""
 
     def __init__(
         self, config: uvicorn.Config, *, traffic: Traffic, watch: JobWatch, grace_s: float, notice_s: float

@@ -33,11 +33,7 @@ def keep_texts(texts: Sequence[str]) -> Sequence[str]:
 def write_csv(
     rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None, *, head: bool = True
 ) -> str:
-    """Rows under their names; numbers as they are, text that a spreadsheet would run made text.
-
-    A cell holds one thing: of a list stands its number of entries, in a column `<name>_count`, of what has
-    members each member in a column of its own, `<name>_<member>`.
-    """
+    """Write rows under their names, lists as `<name>_count`, members as `<name>_<member>`; no text is run."""
     rows = [_flatten(row) for row in rows]
     names = columns or (list(rows[0]) if rows else [])
     out = io.StringIO()
@@ -82,10 +78,7 @@ _GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
 
 
 class Kind(Record):
-    """Content of a table. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
-
-    ``usual`` : what a row says that says nothing of it
-    """
+    """Content of a table: its columns of numbers, most rows, and what a row says that says nothing of it."""
 
     numbers: frozenset[str]
     most: int
@@ -96,10 +89,7 @@ class Kind(Record):
 def read_sheet(
     data: bytes, form: type[F], kind: Kind, name_fields: Callable[[list[str]], list[str]]
 ) -> list[F]:
-    """Comma, or semicolon or tab with a decimal comma; each bad row is named with its line.
-
-    ``name_fields`` : of the columns in small letters, the field that each holds; UNREAD for none
-    """
+    """Read comma, or semicolon or tab with decimal comma; `name_fields`: of the columns in small letters."""
     refuse_load(data, *",;\t\r\n")
     try:
         text = data.decode("utf-8-sig")

@@ -85,11 +85,7 @@ def close_to_others(data: Path, report: Callable[[str], None]) -> None:
 
 @contextmanager
 def claimed(data: Path, report: Callable[[str], None]) -> Iterator[int]:
-    """Lock the folder; yield the lock's descriptor, which every child inherits.
-
-    With the children holding it too, the lock is free only when nothing of an earlier run is left that could
-    still write here.
-    """
+    """Lock the folder; yield the lock, which every child inherits: it is free when none of them is left."""
     try:
         close_to_others(data, report)
         lock = os.open(data / "lock", os.O_RDWR | os.O_CREAT, 0o600)

@@ -32,10 +32,7 @@ def bootstrap_key(data: Path, given: str) -> str:
 
 
 def refuse_weak_key(key: str, place: str) -> None:
-    """Refuse a key that could be guessed: it opens everything, to anybody who reaches the port.
-
-    Chance gives 32 characters of any alphabet more than five different ones, and never a block that repeats.
-    """
+    """Refuse a key that could be guessed; chance gives 32 characters more than five different ones."""
     secret = key.removeprefix(_PREFIX)
     if not (key.isascii() and key.isprintable() and " " not in key):
         fault = "holds characters that no request can send: use letters, digits, - and _"

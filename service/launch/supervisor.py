@@ -25,11 +25,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent(sig: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn` with which the kernel sends the child a signal when its parent dies.
-
-    The parent is the thread that starts the child, not its process: call `Popen` from the main thread. A
-    change of user clears the setting, but `Popen(user=...)` makes that change before it calls this.
-    """
+    """Return a `preexec_fn`: the kernel signals the child when the thread dies that starts it, the main one."""
     # Made here, since between fork and exec a child of a process with threads may take no lock.
     return _tie(os.getpid(), sig)
 
@@ -207,11 +203,7 @@ class _Child:
 
 
 class AwakeClock:
-    """Seconds that add up from turn to turn of a loop, of each turn at most `longest_turn_s`.
-
-    Whoever measures others against its own clock must not hold against them the time in which it did not run
-    itself: they did not run either, or could not tell it.
-    """
+    """Seconds that add up turn by turn, each at most `longest_turn_s`: who stood still counts nothing."""
 
     def __init__(self, longest_turn_s: float, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._longest_turn_s = longest_turn_s

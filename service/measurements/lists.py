@@ -223,10 +223,7 @@ def describe_map(path: Path) -> dict[str, Any]:
 def make_item(
     row: Measurement, frame: FrameRow, calibration: Calibration, found: dict[str, Any], *, base: str
 ) -> dict[str, Any]:
-    """Make the item of a map of `describe_map`; without geometry where the map is not placed.
-
-    ``base`` : address of the measurement's service, ahead of its paths
-    """
+    """Make the item of a map of `describe_map`; `base`: address of the service, ahead of its paths."""
     place, quantity = row.result.get("place", {}), found["description"]["quantity"]
     own, placed = f"{base}/v1/measurements/{row.id}", place.get("corners") or []
     ring = [*placed[:1], *placed[::-1]]  # counterclockwise

@@ -80,10 +80,7 @@ def read_layout(path: Path) -> Layout:
 
 
 def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
-    """Means over squares of ``step`` pixels from the window's corner on, (row, col); NaN where unknown.
-
-    What is left at the right and the lower border, less than a square, is left out.
-    """
+    """Return means over whole squares of `step` pixels from the window's corner on; NaN where unknown."""
     rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
     inner = Window(
         top=window.top, left=window.left, bottom=window.top + rows * step, right=window.left + cols * step
@@ -347,10 +344,7 @@ def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iter
 
 
 def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int) -> Values:
-    """Return the relative expanded uncertainty of the means over the squares of a window.
-
-    It is NaN where a mean is not known, or not above zero.
-    """
+    """Return the relative expanded uncertainty of the means over squares; NaN where none is above zero."""
     known, weigh = found.uncertainty, _open_lens(found)
     if known is None:
         detail = "The uncertainty of this map's values follows no rule: its map.tif may have it as a plane."
@@ -401,10 +395,7 @@ def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.flo
 
 
 def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, step: int) -> tuple[Values, int]:
-    """Return the means over the squares of a window, and how many of them have their centre in the area.
-
-    A mean is NaN where a pixel of it is unknown, or its centre is outside.
-    """
+    """Return the means over squares, NaN outside or unknown, and how many have their centre in the area."""
     values = read_values(found.path, found.layout, window, step=step)
     if polygon is None:
         return values, values.size

@@ -47,10 +47,7 @@ class View:
 def draw_figure(
     figure: Figure, label: str, *, view: View = View(), parts: Sequence[str] = (), is_wide: bool = False
 ) -> str:
-    """Draw a figure as SVG.
-
-    ``label`` : text for screen readers; ``parts`` : labels of all figures of the plot
-    """
+    """Draw a figure as SVG; `label`: for screen readers, `parts`: labels of all figures of the plot."""
     names = figure.y.ticks or ()
     height = _NAME_PX * len(names) if names else _HEIGHT_PX[is_wide]
     # figures of one time above each other have one margin
@@ -80,10 +77,7 @@ _HALF_ROW: Final = 0.3
 def build_values(
     found: Sequence[Lifetime], where: dict[str, str | float | None], *, label: str, until: datetime
 ) -> Figure:
-    """Return one coefficient of each version while it is in force; bars are twice its standard uncertainty.
-
-    ``where`` : columns of the coefficient; ``until`` : where a time without an end is cut
-    """
+    """Return a coefficient (`where`) of each version while in force, cut at `until`; bars: twice u."""
     shown = [(each, row) for each in reversed(found) if (row := find(each, where)) is not None]
     series = [each for lifetime, row in shown for each in _draw_value(lifetime, row, until)]
     for place, name in ((_HOLDS, "in force"), (_REVOKED, "revoked")):
@@ -180,10 +174,7 @@ _ROOM: Final = 1.15
 
 
 def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
-    """Return a series for each ISO, f-number, band and channel; bars are one standard uncertainty.
-
-    ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
-    """
+    """Return a series of a coefficient for each ISO, f-number, band and channel; bars: one u."""
     keys = [row.key for row in found]
     # nothing is left out of the name of a single one
     single = len(set(keys)) == 1
@@ -211,10 +202,7 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
 
 
 def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> list[Figure]:
-    """Return a figure per coefficient: a line of each camera with its versions; dashed: the mean of all.
-
-    Bars are twice the standard uncertainty. ``label`` : from the name of a coefficient
-    """
+    """Return a figure per coefficient: a line of each camera; bars: twice u, dashed: the mean of all."""
     figures = []
     for key, rows in group_by(found, lambda row: row.key).items():
         cameras = sort_naturally({row.source.camera for row in rows})

@@ -60,11 +60,7 @@ _PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
 
 
 def render_markdown(text: str) -> str:
-    """HTML of a page of docs/; ``## some_code`` becomes the place #some_code.
-
-    What follows a further ``# title`` is one level lower: a page has one title. Comments are left out; other
-    HTML in the text stays text.
-    """
+    """Return HTML of pages of docs/, headings as places; after a further title all are one level lower."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE))
     places = set()
@@ -86,10 +82,7 @@ def render_markdown(text: str) -> str:
 
 
 def _link(tokens: list[Token], places: set[str]) -> None:
-    """Lead to other pages as the service shows them, and from the code of a finding to what it means.
-
-    A name that first stands in a table becomes a place.
-    """
+    """Lead to other pages, and from codes to what they mean; a name that a table begins is a place."""
     for token, inline in itertools.pairwise(tokens):
         for part in inline.children or ():
             name = part.content if part.type == "code_inline" and part.content.isidentifier() else ""

@@ -99,11 +99,7 @@ MAX_FILE_BYTES: Final = 2 << 30
 
 
 async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
-    """Store the request's body, raw or the part ``file`` of a form; memory stays flat.
-
-    Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed. ``admit``
-    is asked before the body is read, and again when it is there and more is known of it.
-    """
+    """Store the body, raw or the part ``file`` of a form; ``admit`` is asked before, and when it is there."""
     expected = _announced_sha256(request)
     text = request.headers.get("content-length", "")
     announced = int(text) if text.isdecimal() else 0
@@ -283,10 +279,7 @@ def admit(
     role: str,
     begin: Callable[[], object] | None = None,
 ) -> bool:
-    """Refuse a role that the campaign does not take, and a file without room that it does not have already.
-
-    False where there is none and the file is not known yet. ``begin`` : takes the room that was found
-    """
+    """Refuse a role not taken, and a file without room unless it is known; False where that is to be seen."""
     keeps = begin is not None and limits_files(context.settings)
 
     def check() -> bool:
@@ -326,10 +319,7 @@ async def keep_frame(
     blob: StoredBlob,
     had_room: bool = False,
 ) -> Response:
-    """Make a stored file a frame of a campaign, or find the one that it is already.
-
-    ``had_room`` : since its upload began
-    """
+    """Make a stored file a frame of a campaign, or find it; `had_room`: since its upload began."""
     new = NewFrame(
         blob=blob,
         filename=_plain_name(upload.filename or f"{blob.sha256[:12]}.bin"),
@@ -375,10 +365,7 @@ def _add_frames(caller: auth.Caller, session: Session, arrivals: Sequence[_Arriv
 
 
 def _plain_name(filename: str) -> str:
-    """The last part of a path, without control characters: a name is data, never an address.
-
-    Of one that is longer than file systems take, the end of the stem is left out.
-    """
+    """Return the last part of a path, without control characters, no longer than file systems take."""
     name = "".join(c for c in filename.replace("\\", "/").rpartition("/")[2] if c.isprintable())
     if len(name) > _LONGEST_NAME:
         suffix = PurePosixPath(name).suffix

@@ -157,10 +157,7 @@ _IDLE_S: Final = 0.1
 
 
 async def append(request: Request, partial: Partial, begins: int, checksum: str | None) -> None:
-    """Append the request's body to an upload, at the place where it begins.
-
-    A piece with a checksum is kept whole or not at all; of any other what has arrived counts.
-    """
+    """Append the body where it begins; with a checksum whole or not at all, else what has arrived counts."""
     facts = await run_in_threadpool(partial.read_facts)
     announced = request.headers.get("content-length", "")
     if begins + (int(announced) if announced.isdecimal() else 0) > facts.size_bytes:
