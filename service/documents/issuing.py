@@ -33,7 +33,7 @@ class Prepared(Record):
 
 
 def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
-    """Make and store the certificate that a publication issues; 409 if one that lacks something is refused."""
+    """Make and store the certificate that a publication issues; 409 if one with gaps is refused."""
     with context.database.reading() as session:
         calibration = lookup.owned(session, Calibration, calibration_id, caller)
         publications.require_not_revoked(session, calibration)

@@ -25,7 +25,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent(sig: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn`: the kernel signals the child when the thread dies that starts it, the main one."""
+    """Return a `preexec_fn`: the kernel signals the child when its starting thread dies, the main one."""
     # Made here, since between fork and exec a child of a process with threads may take no lock.
     return _tie(os.getpid(), sig)
 
