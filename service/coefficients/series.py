@@ -265,10 +265,7 @@ Shape = Literal["json", "csv"]
 
 ROW_LIMIT: Final = 200_000
 MOST_ROWS: Final = 1_000_000
-MEDIA_TYPES: Final[dict[Shape, str]] = {
-    "json": "application/json",
-    "csv": "text/csv; charset=utf-8",
-}
+MEDIA_TYPES: Final[dict[Shape, str]] = {"json": "application/json", "csv": "text/csv; charset=utf-8"}
 _GZIP = 31
 """The window of zlib's format with the header of gzip."""
 

@@ -16,15 +16,7 @@ from service.http.models import Answer, Instant, Method, maybe, told
 from store.queries.calibrations import VersionStatus
 from store.queries.checklist import ChecklistItem
 from store.queries.organisations import UNNAMED_LABORATORY
-from store.tables import (
-    Calibration,
-    Camera,
-    Campaign,
-    ChecklistSignature,
-    FrameRow,
-    Publication,
-    Reading,
-)
+from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Publication, Reading
 
 DaysFrom = Literal["readings", "campaign", "frames"]
 

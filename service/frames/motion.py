@@ -9,13 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
-from radiometry.tools.motion import (
-    USUAL_LIMIT_PX,
-    Basis,
-    MotionCase,
-    blur_of_file,
-    compute_motion,
-)
+from radiometry.tools.motion import USUAL_LIMIT_PX, Basis, MotionCase, blur_of_file, compute_motion
 from service.campaigns.schemas import Role
 from service.http import lookup, operations, tables
 from service.http.auth import Reader

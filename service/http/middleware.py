@@ -185,10 +185,7 @@ class Addresses:
 
 _SMALLEST_BYTES: Final = 1 << 10
 _LEVEL: Final = 4
-_LEFT: Final = (
-    *DEFAULT_EXCLUDED_CONTENT_TYPES,
-    *("image/*", "application/pdf", "application/octet-stream"),
-)
+_LEFT: Final = (*DEFAULT_EXCLUDED_CONTENT_TYPES, *("image/*", "application/pdf", "application/octet-stream"))
 _REFUSED: Final = re.compile(r"\bgzip\s*;\s*q=0(\.0*)?\s*(?=,|$)")
 _MARK: Final = ".gz"
 _UNCHANGED: Final = 304

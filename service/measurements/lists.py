@@ -339,9 +339,7 @@ def get_measurement_map_values(
 
 
 @router.get(
-    "/measurements/{measurement_id}/stac.json",
-    response_class=GeoJson,
-    **answers.sends(maps.StacItem, 500),
+    "/measurements/{measurement_id}/stac.json", response_class=GeoJson, **answers.sends(maps.StacItem, 500)
 )
 def get_measurement_stac(
     measurement_id: lookup.Id, request: Request, caller: Reader, context: UsesContext

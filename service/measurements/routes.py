@@ -123,10 +123,7 @@ def start_campaign_measurements(
         except (InputRejected, database.Conflict) as refusal:
             refused.append(
                 requests.NotMeasured(
-                    frame_id=frame.id,
-                    filename=frame.filename,
-                    code=str(refusal.code),
-                    detail=refusal.message,
+                    frame_id=frame.id, filename=frame.filename, code=str(refusal.code), detail=refusal.message
                 )
             )
     session.flush()
