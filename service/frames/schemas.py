@@ -11,18 +11,8 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import METHODS, findings
 from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
-from service.http.models import (
-    Answer,
-    Clearable,
-    Flag,
-    Form,
-    LongText,
-    Positive,
-    PositiveText,
-    Text,
-    maybe,
-    told,
-)
+from service.http import models
+from service.http.models import Answer, Form, Text, maybe, told
 from store import blobs, codec
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
@@ -40,10 +30,10 @@ class Upload(Form):
     role: Role
     scene: Text | None = maybe("The light level that a light frame belongs to.")
     filename: str | None = maybe("Its name; folders are left out.", min_length=1)
-    exposure_time_s: PositiveText | None = maybe("For a file that does not say it.")
-    f_number: PositiveText | None = maybe("For a file that does not say it.")
-    iso: PositiveText | None = maybe("For a file that does not say it.")
-    roi: LongText | None = maybe(
+    exposure_time_s: models.PositiveText | None = maybe("For a file that does not say it.")
+    f_number: models.PositiveText | None = maybe("For a file that does not say it.")
+    iso: models.PositiveText | None = maybe("For a file that does not say it.")
+    roi: models.LongText | None = maybe(
         "The frame's own region, where the camera has moved: [[x,y],...], or a "
         "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
         json_schema_extra={"pattern": REGION_PATTERN},
@@ -57,22 +47,24 @@ class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
     role: Role | None = maybe("What the frame shows: it decides what it is used for.")
-    scene: Clearable | None = maybe('The light level that it shows; "" for a frame without one.')
-    left_out: Flag | None = maybe("Keep the frame, and leave it out of every fit and batch measurement.")
-    reason: LongText | None = maybe("Why it is left out.")
-    withdrawn: Flag | None = maybe("Take the frame out of its campaign; false restores it.")
-    exposure_time_s: Positive | None = maybe("For a file that does not say it.")
-    f_number: Positive | None = maybe("For a file that does not say it.")
-    iso: Positive | None = maybe("For a file that does not say it.")
+    scene: models.Clearable | None = maybe('The light level that it shows; "" for a frame without one.')
+    left_out: models.Flag | None = maybe(
+        "Keep the frame, and leave it out of every fit and batch measurement."
+    )
+    reason: models.LongText | None = maybe("Why it is left out.")
+    withdrawn: models.Flag | None = maybe("Take the frame out of its campaign; false restores it.")
+    exposure_time_s: models.Positive | None = maybe("For a file that does not say it.")
+    f_number: models.Positive | None = maybe("For a file that does not say it.")
+    iso: models.Positive | None = maybe("For a file that does not say it.")
 
 
 class ExpectedFrame(Form):
     """A frame as its user saw it."""
 
     role: Role | None = None
-    scene: Clearable | None = maybe('"" for a frame without one.')
-    left_out: Flag | None = None
-    withdrawn: Flag | None = None
+    scene: models.Clearable | None = maybe('"" for a frame without one.')
+    left_out: models.Flag | None = None
+    withdrawn: models.Flag | None = None
 
 
 class FramesChange(FrameChange):

@@ -8,19 +8,8 @@ from fastapi import Query, Request, Response
 from numpy.typing import NDArray
 from pydantic import AfterValidator
 
+from radiometry import maps as science
 from radiometry.findings import interface
-from radiometry.maps import (
-    MOST_LEVELS,
-    MOST_VERTICES,
-    TOLERANCE,
-    Isoline,
-    choose_levels,
-    choose_step,
-    is_ragged,
-    place_on_earth,
-    place_on_road,
-    trace_isolines,
-)
 from service.http import auth, lookup, models, operations
 from service.http.answers import immutable_headers, not_modified, sends
 from service.http.context import UsesContext
@@ -33,7 +22,7 @@ Coordinates = Literal["pixel", "road_m", "wgs84"]
 
 _NUMBER = r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,2})?"
 # schemas only: what is refused is refused by the checks, with their words
-_LEVELS = {"pattern": f"^{_NUMBER}(,{_NUMBER}){{0,{MOST_LEVELS - 1}}}$"}
+_LEVELS = {"pattern": f"^{_NUMBER}(,{_NUMBER}){{0,{science.MOST_LEVELS - 1}}}$"}
 
 
 def _check_levels(text: str) -> str:
@@ -41,8 +30,10 @@ def _check_levels(text: str) -> str:
         levels = [float(level) for level in text.replace(",", " ").split()]
     except ValueError:
         levels = []
-    if not 1 <= len(levels) <= MOST_LEVELS or not all(map(math.isfinite, levels)):
-        raise ValueError(f"must be 1 to {MOST_LEVELS} finite numbers with commas between, as in `0.5,1,2`")
+    if not 1 <= len(levels) <= science.MOST_LEVELS or not all(map(math.isfinite, levels)):
+        raise ValueError(
+            f"must be 1 to {science.MOST_LEVELS} finite numbers with commas between, as in `0.5,1,2`"
+        )
     return text
 
 
@@ -59,7 +50,7 @@ class LevelsOfMap(models.Form):
         str | None,
         AfterValidator(_check_levels),
         models.told(
-            f"1 to {MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
+            f"1 to {science.MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
             "ones between the 1st and the 99th percentile of the area.",
             max_length=500,
             examples=["0.5,1,2"],
@@ -116,7 +107,7 @@ class IsolinesAnswer(models.Answer):
     area: maps.Area
     step_px: int = models.told("Side of the squares [px] that are averaged: finer detail is not drawn.")
     tolerance_px: float = models.told("How far lines are moved where points are left out of them.")
-    vertices: int = models.told(f"Of all lines; at most {MOST_VERTICES}.")
+    vertices: int = models.told(f"Of all lines; at most {science.MOST_VERTICES}.")
     unknown_share: float = models.told("Squares of the area with a saturated pixel; no line crosses them.")
     place_u_m: float | None = models.maybe("Of `wgs84`: largest, with that of the transformation.")
     notes: list[str] = models.told("What the uncertainty does not contain.")
@@ -136,10 +127,10 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     window = maps.frame_window(found.layout, polygon)
     pixels = (window.bottom - window.top) * (window.right - window.left)
     levels = sorted({float(level) for level in (asked.levels or "").replace(",", " ").split()})
-    coarse = choose_step((), pixels=pixels, most=maps.MOST_SQUARES, uncertainty=None)
+    coarse = science.choose_step((), pixels=pixels, most=maps.MOST_SQUARES, uncertainty=None)
     if not levels:
         levels = _find_levels(found, maps.read_squares(found, window, polygon, step=max(coarse, 4))[0])
-    step = asked.step or choose_step(
+    step = asked.step or science.choose_step(
         levels, pixels=pixels, most=maps.MOST_SQUARES, uncertainty=found.uncertainty
     )
     if asked.step is not None and pixels / step**2 > maps.MOST_SQUARES:
@@ -150,11 +141,13 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
         if min(plane.shape) < 2:
             message = f"the area holds fewer than 2 x 2 squares of {step} pixels: take a smaller step"
             raise wrong("query.step", message)
-        lines = trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
+        lines = science.trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
         vertices = sum(len(line) for each in lines for line in each.lines)
-        if vertices <= MOST_VERTICES and (asked.step or not is_ragged(lines, found.uncertainty, step=step)):
+        if vertices <= science.MOST_VERTICES and (
+            asked.step or not science.is_ragged(lines, found.uncertainty, step=step)
+        ):
             break
-        if vertices <= MOST_VERTICES and 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES:
+        if vertices <= science.MOST_VERTICES and 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES:
             break
         if asked.step is not None:
             message = f"the lines have {vertices} points: take a larger step, or fewer levels"
@@ -166,7 +159,7 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
         coordinates_in=coordinates,
         area=area,
         step_px=step,
-        tolerance_px=TOLERANCE * step,
+        tolerance_px=science.TOLERANCE * step,
         vertices=vertices,
         unknown_share=1.0 - float(np.isfinite(plane).sum()) / max(1, squares),
         place_u_m=math.hypot(place["u_corner_m"], place["residual_m"]) if coordinates == "wgs84" else None,
@@ -194,11 +187,11 @@ def _find_levels(found: maps.OpenMap, plane: maps.Values) -> list[float]:
     if not known.size:
         return []
     low, high = np.percentile(known, _LEVEL_ENDS)
-    return list(choose_levels(float(low), float(high), logarithmic=found.is_light))
+    return list(science.choose_levels(float(low), float(high), logarithmic=found.is_light))
 
 
 def _make_feature(
-    found: maps.OpenMap, isoline: Isoline, step: int, coordinates: Coordinates
+    found: maps.OpenMap, isoline: science.Isoline, step: int, coordinates: Coordinates
 ) -> IsolineFeature:
     known = found.uncertainty
     properties = IsolineProperties(
@@ -228,9 +221,9 @@ def _make_feature(
 def _place(found: maps.OpenMap, line: Array, coordinates: Coordinates) -> Array | None:
     if coordinates == "wgs84":
         # 1e-8 degrees are a millimetre
-        return np.round(place_on_earth(found.row.result["place"]["transform"], line), 8)
+        return np.round(science.place_on_earth(found.row.result["place"]["transform"], line), 8)
     if coordinates == "road_m":
-        placed = place_on_road(found.row.parameters["lanes"], line)
+        placed = science.place_on_road(found.row.parameters["lanes"], line)
         return None if placed is None else np.round(placed, 4)
     return np.round(line, 2)
 
