@@ -20,6 +20,7 @@ from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, problem_body
 from service.jobs import watch
 from store import audit, jobs, tables
+from store.queries import by_id
 from store.queries import jobs as queries
 from store.queries.usage import add_jobs
 
