@@ -24,6 +24,7 @@ from service.measurements.schemas import MeasurementAnswer
 from store import database, jobs
 from store.measuring.comparison import SURE, MeasurementComparison, Side, compare_measurements
 from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
+from store.queries import by_id
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
@@ -39,9 +40,7 @@ def answer_measurements(session: Session, rows: list[Measurement]) -> list[Measu
         for row in rows
         if (corrector := corrected_by[row.id]) and corrector in row.parameters
     }
-    frames = {f.id: f for f in session.scalars(select(FrameRow).where(FrameRow.id.in_(frame_ids)))}
-    wanted = select(Calibration).where(Calibration.id.in_(version_ids))
-    versions = {version.id: version for version in session.scalars(wanted)}
+    frames, versions = by_id(session, FrameRow, frame_ids), by_id(session, Calibration, version_ids)
     falloff_ids = {named["calibration_id"] for named in corrected.values()}
     status = read_version_statuses(session, sorted({*versions, *falloff_ids}))
     return [
