@@ -34,22 +34,19 @@ OfCalibration = Annotated[models.Text | None, Query(description="Only those made
 def answer_measurements(session: Session, rows: list[Measurement]) -> list[MeasurementAnswer]:
     """Measurements with their frames and versions, in a handful of queries however many they are."""
     frame_ids, version_ids = {row.frame_id for row in rows}, {row.calibration_id for row in rows}
-    corrected_by = {row.id: get_method(row.method).corrected_by for row in rows}
-    corrected = {
-        row.id: row.parameters[corrector]
-        for row in rows
-        if (corrector := corrected_by[row.id]) and corrector in row.parameters
-    }
+    falloff_ids = {}
+    for row in rows:
+        if (corrector := get_method(row.method).corrected_by) and corrector in row.parameters:
+            falloff_ids[row.id] = row.parameters[corrector]["calibration_id"]
     frames, versions = by_id(session, FrameRow, frame_ids), by_id(session, Calibration, version_ids)
-    falloff_ids = {named["calibration_id"] for named in corrected.values()}
-    status = read_version_statuses(session, sorted({*versions, *falloff_ids}))
+    status = read_version_statuses(session, sorted({*versions, *falloff_ids.values()}))
     return [
         MeasurementAnswer.of(
             row,
             frames[row.frame_id],
             versions[row.calibration_id],
             status[row.calibration_id],
-            status[corrected[row.id]["calibration_id"]] if row.id in corrected else None,
+            status[falloff_ids[row.id]] if row.id in falloff_ids else None,
         )
         for row in rows
     ]
@@ -220,16 +217,11 @@ def _read_asked(body: requests.MeasurementOptions) -> Asked:
         polygon=requests.read_roi(body.roi).polygon if body.roi is not None else None,
         grid=grid,
         lanes=lanes,
-        reflectance=body.reflectance,
-        incidence_angle_deg=body.incidence_angle_deg,
-        index=body.index,
-        quantity=body.quantity,
-        frame_ids=tuple(body.list_frames())
-        if isinstance(body, requests.NewMeasurement) and body.frame_ids
-        else None,
+        frame_ids=tuple(body.list_frames()) if getattr(body, "frame_ids", None) else None,
         conditions=body.model_dump(include=set(requests.CONDITIONS), exclude_unset=True),
         products=tuple(body.products or ()),
         allow=tuple(dict.fromkeys(body.allow or ())),
+        **body.model_dump(include={"reflectance", "incidence_angle_deg", "index", "quantity"}),
     )
 
 
