@@ -123,17 +123,11 @@ def _serve(
         timeout_graceful_shutdown=1,
         server_header=False,
     )
-    server = Server(
-        config,
-        traffic=context.traffic,
-        watch=context.watch,
-        grace_s=settings.stop_grace_s,
-        notice_s=settings.stop_notice_s,
-    )
+    server = Server(config, context)
     sweep_floor(context.blobs, partials.Partials.of(settings))
     repeat("certificates", Backlog(context).issue_next)
     presence = Presence(context.database, "service")
-    vitals = Vitals(presence, pulse, hang_s=settings.hang_s, rates=context.rates, attempts=context.attempts)
+    vitals = Vitals(presence, pulse, context)
     with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
         runner.run(_keep_serving(server, vitals, presence, listening))
 

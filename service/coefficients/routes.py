@@ -126,6 +126,22 @@ class AnswersReady(operations.Operation):
         return look_up
 
 
+async def _find_held(
+    context: Context,
+    camera_id: str,
+    wanted: Wanted,
+    at: datetime,
+    **asker: Any,  # noqa: ANN401
+) -> tuple[lookups.Held, ...]:
+    asked: dict[str, Any] = {
+        "camera_id": camera_id,
+        "method": wanted.method,
+        "at": at,
+        "known_at": wanted.known_at,
+    }
+    return await lookups.find_ready(context.database, **asked, **asker)
+
+
 async def _answer_ready(request: Request) -> Response | None:
     sent, camera_id = request.headers.get("authorization", ""), request.path_params["camera_id"]
     wanted = _read_query(request.scope["query_string"]) if sent.startswith(_BEARER) else None
@@ -133,16 +149,8 @@ async def _answer_ready(request: Request) -> Response | None:
         return None
     context: Context = request.app.state.context
     secret, now = sent.removeprefix(_BEARER), utc_now()
-    held = await lookups.find_ready(
-        context.database,
-        camera_id=camera_id,
-        method=wanted.method,
-        at=wanted.at or now,
-        known_at=wanted.known_at,
-        sha256=hash_secret(secret),
-        now=now,
-        used_after=now - counts.STEP,
-    )
+    by_key = {"sha256": hash_secret(secret), "now": now, "used_after": now - counts.STEP}
+    held = await _find_held(context, camera_id, wanted, wanted.at or now, **by_key)
     if (answer := answer_held(request, wanted, held)) is not None:
         context.attempts.trust(secret)
         context.rates.take(held[0].organisation_id)
@@ -183,14 +191,7 @@ async def get_coefficients(
     at = wanted.at or utc_now()
     held: tuple[lookups.Held, ...] = ()
     if lookup.is_id(camera_id):
-        held = await lookups.find_ready(
-            context.database,
-            organisation_id=caller.organisation_id,
-            camera_id=camera_id,
-            method=wanted.method,
-            at=at,
-            known_at=wanted.known_at,
-        )
+        held = await _find_held(context, camera_id, wanted, at, organisation_id=caller.organisation_id)
     if (answer := answer_held(request, wanted, held)) is None:
         await run_in_threadpool(_require_camera, context, caller, camera_id)
         raise problems.Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))

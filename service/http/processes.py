@@ -19,7 +19,7 @@ from pathlib import Path
 from secrets import token_hex
 from time import monotonic
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
 from prometheus_client import values
@@ -29,8 +29,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service.http import problems
-from service.http.counts import Attempts, Rates, name_address
-from service.jobs.watch import JobWatch
+from service.http.counts import name_address
 from service.launch.folder import Exit, report
 from service.launch.supervisor import Forked, GaveUp, Part, Patience, Signals, Supervisor
 from service.system.health import Metrics
@@ -38,6 +37,9 @@ from store.jobs.processes import Presence
 from store.log_fields import fields
 from store.pulse import Pulse
 from store.settings import Settings
+
+if TYPE_CHECKING:
+    from service.http.context import Context
 
 _TO_END_S = 4.0
 """What a process needs to end once its own grace is over, less than this one is given."""
@@ -103,9 +105,7 @@ class Vitals:
 
     presence: Presence
     pulse: Pulse
-    hang_s: float
-    rates: Rates
-    attempts: Attempts
+    context: "Context"
 
     def __post_init__(self) -> None:
         self._free_at = time.monotonic()
@@ -116,7 +116,7 @@ class Vitals:
             tasks.create_task(self._go_through_thread())
             tasks.create_task(self._share_counts())
             while True:
-                if time.monotonic() - self._free_at < _THREADS_PATIENCE * self.hang_s:
+                if time.monotonic() - self._free_at < _THREADS_PATIENCE * self.context.settings.hang_s:
                     self.pulse.beat()
                 await asyncio.sleep(_LOOK_EVERY_S)
 
@@ -125,11 +125,11 @@ class Vitals:
         told: dict[str, Any] = {}
         while True:
             await asyncio.sleep(_SHARE_EVERY_S)
-            counts = {"requests": self.rates.tell(), "failures": self.attempts.tell()}
+            counts = {"requests": self.context.rates.tell(), "failures": self.context.attempts.tell()}
             if counts != told:
                 told, heard = counts, await run_in_threadpool(self.presence.share, counts)
-                self.rates.hear(each["requests"] for each in heard)
-                self.attempts.hear(each["failures"] for each in heard)
+                self.context.rates.hear(each["requests"] for each in heard)
+                self.context.attempts.hear(each["failures"] for each in heard)
 
     async def _go_through_thread(self) -> None:
         while True:
@@ -274,14 +274,9 @@ class _Exchange:
 class Server(uvicorn.Server):
     """Stops in order, listening to the end: waits for jobs end, requests end or are cut, the port closes."""
 
-    def __init__(
-        self, config: uvicorn.Config, *, traffic: Traffic, watch: JobWatch, grace_s: float, notice_s: float
-    ) -> None:
+    def __init__(self, config: uvicorn.Config, context: "Context") -> None:
         super().__init__(config)
-        self._traffic = traffic
-        self._watch = watch
-        self._grace_s = grace_s
-        self._notice_s = notice_s
+        self._context = context
         self._loop: asyncio.AbstractEventLoop | None = None
         self._asked_to_stop = asyncio.Event()
 
@@ -301,6 +296,7 @@ class Server(uvicorn.Server):
                     await self._asked_to_stop.wait()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._watch.release()
-        await self._traffic.run_out(grace_s=self._grace_s, notice_s=self._notice_s)
+        settings = self._context.settings
+        self._context.watch.release()
+        await self._context.traffic.run_out(grace_s=settings.stop_grace_s, notice_s=settings.stop_notice_s)
         await super().shutdown(sockets)
