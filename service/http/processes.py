@@ -64,10 +64,7 @@ def serve_forked(settings: Settings, serve: Serve) -> int:
     """Keep so many processes at work, each with a pulse, until a signal comes; the exit code."""
     pulse, pulses = Pulse(), Path(_make_folder())
     supervisor = Supervisor(
-        environment={},
-        key="",
         data=settings.data,
-        lock=-1,
         patience=Patience(hang_s=settings.hang_s),
         pulses=pulses,
     )

@@ -222,11 +222,11 @@ class AwakeClock:
 class Supervisor:
     """Call every method from the main thread: the children's lives depend on the thread that starts them."""
 
-    environment: Mapping[str, str]
-    key: str
     data: Path
-    lock: int
     patience: Patience
+    environment: Mapping[str, str] = field(default_factory=dict)
+    key: str = ""
+    lock: int = -1
     pulses: Path | None = None
 
     def __post_init__(self) -> None:

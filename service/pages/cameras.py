@@ -191,7 +191,16 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
     series = []
     for place, (name, mine) in enumerate(rows.items()):
         shift = (place - (len(rows) - 1) / 2) * step
-        marks = tuple(_determine(row, versions, shift) for row in mine)
+        marks = tuple(
+            _mark(
+                row,
+                1.0,
+                ", ".join(filter(None, [f"version {versions[row.source.version]}", _where(row.key)])),
+                x=row.source.at.timestamp() + shift,
+                y=row.value,
+            )
+            for row in mine
+        )
         line = tuple((mark.x, mark.y) for mark in marks)
         series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
     return Figure(
@@ -208,18 +217,8 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
         cameras = sort_naturally({row.source.camera for row in rows})
         versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
         marks = tuple(
-            Mark(
-                x=row.value,
-                # beside each other within the line of their camera
-                y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera),
-                low=row.value - 2.0 * row.standard_uncertainty,
-                high=row.value + 2.0 * row.standard_uncertainty,
-                name=row.source.camera,
-                told=(
-                    write_quantity(row.value, row.standard_uncertainty, key.unit),
-                    row.source.at.strftime("%Y-%m-%d"),
-                ),
-            )
+            # beside each other within the line of their camera
+            _mark(row, 2.0, camera, x=row.value, y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera))
             for camera, mine in versions.items()
             for n, row in enumerate(mine)
         )
@@ -238,19 +237,12 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
     return figures
 
 
-def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:
-    where = _where(row.key)
-    return Mark(
-        x=row.source.at.timestamp() + shift_s,
-        y=row.value,
-        low=row.value - row.standard_uncertainty,
-        high=row.value + row.standard_uncertainty,
-        name=f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
-        told=(
-            write_quantity(row.value, row.standard_uncertainty, row.key.unit),
-            row.source.at.strftime("%Y-%m-%d"),
-        ),
-    )
+def _mark(row: Determination, bars: float, name: str, *, x: float, y: float) -> Mark:
+    """Return the mark of a value with bars of so many standard uncertainties."""
+    bar = bars * row.standard_uncertainty
+    said = write_quantity(row.value, row.standard_uncertainty, row.key.unit)
+    told = (said, row.source.at.strftime("%Y-%m-%d"))
+    return Mark(x=x, y=y, low=row.value - bar, high=row.value + bar, name=name, told=told)
 
 
 def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
