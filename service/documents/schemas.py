@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from datetime import date
 from typing import Any, Literal
 
-from radiometry.findings import Raised, interface
+from radiometry.findings import interface
 from radiometry.fitting import evidence
 from radiometry.methods import findings, get_method
 from radiometry.specification.application import FoundBy
@@ -135,8 +135,11 @@ class Budget(Answer, restates=evidence.CoefficientValue, fields="iso f_number ba
     lines: list[dict[str, Any]]
 
 
-class FlagInWords(Answer, restates=Raised, fields="flag where detail"):
+class FlagInWords(Answer):
+    flag: str
+    where: str
     meaning: str
+    detail: str
 
 
 class CheckedItem(Answer, restates=ChecklistItem, fields="key section text done_at evidence note"):
