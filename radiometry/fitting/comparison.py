@@ -62,21 +62,10 @@ def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.
     """
     covariance = common_u_rel**2 * new.value * old.value
     variance = new.standard_uncertainty**2 + old.standard_uncertainty**2 - 2.0 * covariance
-    u = math.sqrt(max(0.0, variance))
-    difference = new.value - old.value
-    change = None
-    if old.value != 0.0:
-        slope = new.value / old.value
-        squares = new.standard_uncertainty**2 + (slope * old.standard_uncertainty) ** 2
-        squares -= 2.0 * slope * covariance
-        change = Quantity(
-            100.0 * difference / old.value, 100.0 * math.sqrt(max(0.0, squares)) / abs(old.value), PERCENT
-        )
-    return Comparison(
-        difference=Quantity(difference, u, new.unit),
-        change=change,
-        in_standard_uncertainties=abs(difference) / u if u > 0.0 else None,
-    )
+    slope = _divide(new, old)
+    squares = new.standard_uncertainty**2 + (slope * old.standard_uncertainty) ** 2
+    squares -= 2.0 * slope * covariance
+    return _conclude(old, new, math.sqrt(max(0.0, variance)), math.sqrt(max(0.0, squares)))
 
 
 DARK = "dark signal"
@@ -170,17 +159,23 @@ def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -
     Comparison
         Difference and relative change, each with its standard uncertainty.
     """
+    slope = _divide(new, old)
+    of_old = {source: slope * effect for source, effect in old.effects.items()}
+    return _conclude(
+        old, new, _spread(old.effects, new.effects, common), _spread(of_old, new.effects, common)
+    )
+
+
+def _divide(new: Quantity | Budgeted, old: Quantity | Budgeted) -> float:
+    return new.value / old.value if old.value else 0.0
+
+
+def _conclude(old: Quantity | Budgeted, new: Quantity | Budgeted, u: float, u_at_old: float) -> Comparison:
+    """Return the comparison; ``u_at_old`` is that of new - old (new / old), as if the ratio were exact."""
     difference = new.value - old.value
-    u = _spread(old.effects, new.effects, common)
     change = None
     if old.value != 0.0:
-        slope = new.value / old.value
-        of_old = {source: slope * effect for source, effect in old.effects.items()}
-        change = Quantity(
-            100.0 * difference / old.value,
-            100.0 * _spread(of_old, new.effects, common) / abs(old.value),
-            PERCENT,
-        )
+        change = Quantity(100.0 * difference / old.value, 100.0 * u_at_old / abs(old.value), PERCENT)
     return Comparison(
         difference=Quantity(difference, u, new.unit),
         change=change,

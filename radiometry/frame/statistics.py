@@ -1,7 +1,7 @@
 """Statistics of the raw values of a region, and their histogram."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,12 +50,32 @@ class Signal(Record):
     skew_dn: float = 0.0  # Mean less median [DN]
 
 
-class _Site(Record, kw_only=False):
-    """The samples of one CFA position or colour plane inside the region."""
+class Part(Record, kw_only=False):
+    """The samples of one CFA position or colour plane in a window."""
 
-    histogram: NDArray[np.intp]
+    channel: str
+    at: tuple[slice | int, ...]  # of the samples
+    rows: slice  # of the window's pixels
+    cols: slice
     black_level_dn: float
     white_level_dn: float
+
+
+def list_parts(frame: Frame) -> list[Part]:
+    """List the planes of a colour image, the CFA positions of a mosaic, or the one of a grey image."""
+    black, white, every = frame.black_level_dn, frame.white_level_dn, slice(None)
+    if frame.cfa == GREY:
+        return [Part(GREY, (every, every), every, every, black[0], white[0])]
+    found = []
+    for index in range(3 if frame.cfa == "rgb" else 4):
+        levels = black[index % len(black)], white[index % len(white)]
+        if frame.cfa == "rgb":
+            found.append(Part("RGB"[index], (every, every, index), every, every, *levels))
+        else:
+            row, col = divmod(index, 2)
+            rows, cols = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
+            found.append(Part(name_site(frame.cfa, index), (rows, cols), rows, cols, *levels))
+    return found
 
 
 def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[ChannelStatistics, ...]:
@@ -76,15 +96,16 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
     tuple of ChannelStatistics
         One row per channel that the region touches, then `grey`.
     """
-    sites = [site for site in _read_sites(frame, inside) if site[1].histogram.any()]
-    everything = _merge([site for _, site in sites])
-    if frame.cfa == GREY:
-        return (_summarise(GREY, *everything),)
-    rows = [
-        _summarise(channel, *_merge([site]))
-        for channel, site in sorted(sites, key=lambda named: CHANNELS.index(named[0]))
+    counted = [
+        (each, np.bincount(frame.samples_dn[each.at][inside[each.rows, each.cols]], minlength=_LEVELS))
+        for each in list_parts(frame)
     ]
-    return (*rows, _summarise(GREY, *everything))
+    parts = [(part, histogram) for part, histogram in counted if histogram.any()]
+    everything = _summarise(GREY, parts)
+    if frame.cfa == GREY:
+        return (everything,)
+    parts.sort(key=lambda each: CHANNELS.index(each[0].channel))
+    return (*(_summarise(part.channel, [(part, histogram)]) for part, histogram in parts), everything)
 
 
 def state_row(row: TableRow) -> ChannelStatistics:
@@ -164,32 +185,6 @@ def rounding_variance(std_dn: float) -> float:
     return math.exp(-4 * math.pi**2 * noise_variance) / 12
 
 
-def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:
-    """Return a histogram per plane of a colour image, per CFA position of a mosaic, or one of a grey."""
-    black, white = frame.black_level_dn, frame.white_level_dn
-    if frame.cfa == "rgb":
-        planes = [frame.samples_dn[..., index][inside] for index in range(3)]
-        names = ["R", "G", "B"]
-    elif frame.cfa == GREY:
-        planes, names = [frame.samples_dn[inside]], [GREY]
-    else:
-        planes, names = [], []
-        for index in range(4):
-            row, col = divmod(index, 2)
-            part = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
-            planes.append(frame.samples_dn[part][inside[part]])
-            names.append(name_site(frame.cfa, index))
-    return [
-        (
-            name,
-            _Site(
-                np.bincount(plane, minlength=_LEVELS), black[index % len(black)], white[index % len(white)]
-            ),
-        )
-        for index, (name, plane) in enumerate(zip(names, planes, strict=True))
-    ]
-
-
 def name_site(cfa: str, index: int) -> str:
     """Return the name of a position of the 2 x 2 pattern."""
     if cfa[index] != "G":
@@ -197,23 +192,12 @@ def name_site(cfa: str, index: int) -> str:
     return "G1" if cfa[index ^ 1] == "R" else "G2"
 
 
-def _merge(sites: Sequence[_Site]) -> tuple[NDArray[np.intp], int, float, float]:
-    """Join positions: histogram, samples at or above their own white, mean black, lowest white."""
-    counts = [int(site.histogram.sum()) for site in sites]
-    saturated = sum(
-        int(site.histogram[min(_LEVELS, math.ceil(site.white_level_dn)) :].sum()) for site in sites
-    )
-    black = math.fsum(count * site.black_level_dn for count, site in zip(counts, sites, strict=True)) / sum(
-        counts
-    )
-    histogram = np.sum([site.histogram for site in sites], axis=0)
-    return histogram, saturated, black, min(site.white_level_dn for site in sites)
-
-
-def _summarise(
-    channel: str, histogram: NDArray[np.intp], saturated: int, black_level_dn: float, white_level_dn: float
-) -> ChannelStatistics:
-    """Compute every statistic from a histogram, in whole numbers up to the last division."""
+def _summarise(channel: str, parts: Sequence[tuple[Part, NDArray[np.intp]]]) -> ChannelStatistics:
+    """Compute every statistic from the parts' histograms, in whole numbers up to the last division."""
+    sizes = [int(each.sum()) for _, each in parts]
+    saturated = sum(int(each[min(_LEVELS, math.ceil(part.white_level_dn)) :].sum()) for part, each in parts)
+    black = math.fsum(size * part.black_level_dn for size, (part, _) in zip(sizes, parts, strict=True))
+    histogram = np.sum([each for _, each in parts], axis=0)
     values = np.flatnonzero(histogram)
     counts = histogram[values]
     n = int(counts.sum())
@@ -231,8 +215,8 @@ def _summarise(
         std_dn=math.sqrt((n * squares - total * total) / (n * (n - 1))) if n > 1 else 0.0,
         saturated_share=saturated / n,
         zero_share=int(histogram[0]) / n,
-        black_level_dn=black_level_dn,
-        white_level_dn=white_level_dn,
+        black_level_dn=black / n,
+        white_level_dn=min(part.white_level_dn for part, _ in parts),
     )
 
 
@@ -293,10 +277,11 @@ def count_histogram(frame: Frame, inside: NDArray[np.bool_]) -> Histogram:
     step_dn = max(1, math.ceil((last_dn - first_dn + 1) / _MOST_BINS))
     bins = (last_dn - first_dn) // step_dn + 1
     counts = {}
-    for channel, samples, within, _ in _planes(frame, inside):
-        if within.any():
-            counted = np.bincount((samples[within].astype(np.int64) - first_dn) // step_dn, minlength=bins)
-            counts[channel] = tuple(counted.tolist())
+    for each in list_parts(frame):
+        samples = frame.samples_dn[each.at][inside[each.rows, each.cols]]
+        if samples.size:
+            counted = np.bincount((samples.astype(np.int64) - first_dn) // step_dn, minlength=bins)
+            counts[each.channel] = tuple(counted.tolist())
     ordered = sorted(counts, key=CHANNELS.index)
     return Histogram(
         first_dn=first_dn,
@@ -353,30 +338,10 @@ def find_clipped(frame: Frame, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
         Of the window, (row, col). A pixel of a colour image is clipped if one of its planes is.
     """
     clipped = np.zeros_like(inside)
-    for _, samples, within, (part, white_dn) in _planes(frame, inside):
-        clipped[part] |= within & (samples >= white_dn)
+    for each in list_parts(frame):
+        place = each.rows, each.cols
+        clipped[place] |= inside[place] & (frame.samples_dn[each.at] >= each.white_level_dn)
     return clipped
-
-
-_Part = tuple[slice, slice]
-_Plane = tuple[str, NDArray[np.uint16], NDArray[np.bool_], tuple[_Part, float]]
-
-
-def _planes(frame: Frame, inside: NDArray[np.bool_]) -> Iterator[_Plane]:
-    """Yield name, samples, membership, position and white level of each CFA position or plane."""
-    white, whole = frame.white_level_dn, (slice(None), slice(None))
-    if frame.cfa == "rgb":
-        for index, name in enumerate("RGB"):
-            yield name, frame.samples_dn[..., index], inside, (whole, white[index % len(white)])
-        return
-    if frame.cfa == GREY:
-        yield GREY, frame.samples_dn, inside, (whole, white[0])
-        return
-    for index in range(4):
-        row, col = divmod(index, 2)
-        part = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
-        name = name_site(frame.cfa, index)
-        yield name, frame.samples_dn[part], inside[part], (part, white[index % len(white)])
 
 
 def _sum_cells(flags: NDArray[np.bool_], cell_px: int) -> NDArray[np.int64]:

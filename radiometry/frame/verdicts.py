@@ -13,6 +13,7 @@ from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.records import Record, about
 
 T = TypeVar("T")
+Key = TypeVar("Key", str, tuple[int, int, str])
 
 
 class Keeping:
@@ -89,6 +90,15 @@ _RANKS: dict[Outcome, int] = {"fail": 0, "pending": 1, "warn": 2, "pass": 3}
 
 _FIELD = "field"
 
+_OF_FLAGS = {
+    shared.IMAGE_PART_EMPTY: "A part of this image is empty, zeros or below black where a sensor shows "
+    "noise. Copy the file from the card again, or take the frame again. The fit leaves it out.",
+    shared.EXPOSURE_NOT_MANUAL: "The camera chose the exposure itself. Set the exposure mode to manual and "
+    "automatic ISO off, and take the frame again.",
+    shared.RENDERED: "This is a converted image: a tone curve stands between light and numbers. Upload the "
+    "camera's own raw file.",
+}
+
 
 class Verdict(Record):
     """Verdict from all reasons together; "pass" if there are none."""
@@ -142,17 +152,22 @@ def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
 
 
 def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
-    counts = Counter(
-        frame.format
-        for frame in frames
-        if frame.format is not None and not frame.refusal and not frame.left_out
-    )
-    return min(counts, key=lambda form: (-counts[form], form), default=None)
+    found = [each.format for each in frames if each.format and not each.refusal and not each.left_out]
+    return _find_usual(found) if found else None
+
+
+def _find_usual(values: Iterable[Key]) -> Key:
+    """Return the most frequent value, of equally frequent ones the smallest."""
+    counts = Counter(values)
+    return min(counts, key=lambda value: (-counts[value], value))
 
 
 def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
     """Check frames of any role and method before their statistics are used."""
-    usual, lens = find_usual_format(frames), _find_usual_lens(frames)
+    usual, lens = (
+        find_usual_format(frames),
+        _find_usual([each.lens for each in frames if _shows_lens(each)] or [""]),
+    )
     if all(frame.format in {usual, None} for frame in frames):
         return {frame.frame: [*_inspect_lens(frame, lens), *inspect_frame(frame)] for frame in frames}
     sharing: dict[Polygon | None, list[ReviewedFrame]] = {}
@@ -192,26 +207,8 @@ def _inspect(frame: ReviewedFrame) -> list[Reason]:
         return [shared.NOT_READ.reason("This frame waits to be read: ask again in a few seconds.")]
     if frame.left_out:
         return [shared.FRAME_LEFT_OUT.reason(frame.left_out)]
-    reasons = [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2])]
-    if shared.IMAGE_PART_EMPTY in frame.flags:
-        detail = (
-            "A part of this image is empty, zeros or below black where a sensor shows noise. Copy the file "
-            "from the card again, or take the frame again. The fit leaves it out."
-        )
-        reasons.append(shared.IMAGE_PART_EMPTY.reason(detail))
-    if shared.EXPOSURE_NOT_MANUAL in frame.flags:
-        detail = (
-            "The camera chose the exposure itself. Set the exposure mode to manual and automatic ISO off, "
-            "and take the frame again."
-        )
-        reasons.append(shared.EXPOSURE_NOT_MANUAL.reason(detail))
-    if shared.RENDERED in frame.flags:
-        detail = (
-            "This is a converted image: a tone curve stands between light and numbers. "
-            "Upload the camera's own raw file."
-        )
-        reasons.append(shared.RENDERED.reason(detail))
-    return reasons
+    raised = [finding.reason(detail) for finding, detail in _OF_FLAGS.items() if finding in frame.flags]
+    return [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2]), *raised]
 
 
 def _inspect_role(frame: ReviewedFrame) -> list[Reason]:
@@ -248,11 +245,6 @@ def _inspect_format(frame: ReviewedFrame, of_region: Format | None, usual: Forma
 def _shows_lens(frame: ReviewedFrame) -> bool:
     # a dark frame is the same behind any lens
     return bool(frame.lens) and frame.role != "dark" and not frame.refusal and not frame.left_out
-
-
-def _find_usual_lens(frames: Sequence[ReviewedFrame]) -> str:
-    counts = Counter(frame.lens for frame in frames if _shows_lens(frame))
-    return min(counts, key=lambda lens: (-counts[lens], lens), default="")
 
 
 def _inspect_lens(frame: ReviewedFrame, usual: str) -> list[Reason]:

@@ -106,6 +106,11 @@ def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | No
     return None
 
 
+def find_k(coefficient: Coefficient, settings: Settings) -> Coefficient | Aperture:
+    """Return what has the K of a frame: its f-number if that was calibrated, else the ISO value."""
+    return find_aperture(coefficient, settings) or coefficient
+
+
 def foresee_k(coefficients: Sequence[Coefficient], *, iso: float) -> float:
     """Return the standard uncertainty of K at an f-number that was not calibrated."""
     coefficient = choose_coefficient(coefficients, iso=iso)
@@ -147,7 +152,7 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
             f"{coefficient.model}."
         )
     settings = exposure.on_basis(coefficient.exposure_basis)
-    k = (find_aperture(coefficient, settings) or coefficient).luminance_k
+    k = find_k(coefficient, settings).luminance_k
     return settings.f_number**2 / (k * settings.exposure_time_s * settings.iso)
 
 
@@ -313,18 +318,18 @@ def change_luminance(
     ):
         if was != becomes:
             return MeasuredChange.untold(why)
+    held = [find_k(each, exposure.on_basis(each.exposure_basis)) for each in (before, after)]
     if signal_dn is None:
         if {before.model, after.model} != {"proportional"}:
             return MeasuredChange.untold(
                 "The measured signal was not kept; K alone tells the change for proportional models."
             )
-        ratio = _k(before, exposure).luminance_k / _k(after, exposure).luminance_k
+        ratio = held[0].luminance_k / held[1].luminance_k
     else:
         first, second = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
         ratio = second / first if first > 0.0 else math.nan
     if not math.isfinite(ratio):
         return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
-    held = (_k(each, exposure) for each in (before, after))
     squares = [(each.luminance_k_standard_uncertainty / abs(each.luminance_k)) ** 2 for each in held]
     u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
     change = evidence.Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * u_rel, PERCENT)
@@ -339,11 +344,6 @@ def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, l
     rhs = sources.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     rhs /= aperture.x_factor if aperture else 1.0
     return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-
-
-def _k(coefficient: Coefficient, exposure: Exposure) -> Coefficient | Aperture:
-    """Return what has the K of the frame: its f-number if that was calibrated, else the ISO value."""
-    return find_aperture(coefficient, exposure.on_basis(coefficient.exposure_basis)) or coefficient
 
 
 def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:

@@ -196,22 +196,27 @@ def correct_stray_light(
     of that at the trap. A glare that is not stated may be anything from 0 to 4 %: nothing is subtracted, and
     its rms, 2.4 % of L_mean, is the standard uncertainty.
     """
-    if field.glare_share is None or mean_cd_m2 is None:
-        detail = "Each percent of glare raises every part of the frame by 1 % of the frame's mean luminance."
-        raised = (codes.STRAY_LIGHT_UNKNOWN.at("min", detail),)
-        if mean_cd_m2 is None:
-            return FieldCorrection(source=STRAY), raised
-        basis = f"assumed: glare of up to {_USUAL_GLARE:.0%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
-        u_cd_m2 = _UNKNOWN_GLARE * abs(mean_cd_m2)
-        values: Values = {"glare_share": [0.0, _USUAL_GLARE], "frame_mean_cd_m2": mean_cd_m2}
-        return FieldCorrection(
-            source=STRAY, u_cd_m2=u_cd_m2, basis=basis, assumed=True, values=values
-        ), raised
-    offset = field.glare_share * mean_cd_m2
-    basis = f"{field.glare_share:.2%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
-    values = {"glare_share": field.glare_share, "frame_mean_cd_m2": mean_cd_m2}
-    u_cd_m2 = _GLARE_REL * offset
-    return FieldCorrection(source=STRAY, offset_cd_m2=offset, u_cd_m2=u_cd_m2, basis=basis, values=values), ()
+    detail = "Each percent of glare raises every part of the frame by 1 % of the frame's mean luminance."
+    unknown = (codes.STRAY_LIGHT_UNKNOWN.at("min", detail),)
+    if mean_cd_m2 is None:
+        return FieldCorrection(source=STRAY), unknown
+    glare, of_mean = field.glare_share, f"of the frame's mean of {mean_cd_m2:.4g} cd/m2"
+    found = FieldCorrection(
+        source=STRAY,
+        u_cd_m2=_UNKNOWN_GLARE * abs(mean_cd_m2),
+        basis=f"assumed: glare of up to {_USUAL_GLARE:.0%} {of_mean}",
+        assumed=True,
+        values={"glare_share": [0.0, _USUAL_GLARE], "frame_mean_cd_m2": mean_cd_m2},
+    )
+    if glare is None:
+        return found, unknown
+    return FieldCorrection(
+        source=STRAY,
+        offset_cd_m2=glare * mean_cd_m2,
+        u_cd_m2=_GLARE_REL * (glare * mean_cd_m2),
+        basis=f"{glare:.2%} {of_mean}",
+        values={"glare_share": glare, "frame_mean_cd_m2": mean_cd_m2},
+    ), ()
 
 
 def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorrection]) -> AppliedLuminance:

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame import Frame, opencv, roi
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
+from radiometry.frame.statistics import (
+    GREY,
+    Part,
+    Signal,
+    list_parts,
+    mean_variance,
+    name_site,
+    rounding_variance,
+)
 from radiometry.luminance import application, results
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
@@ -225,20 +233,7 @@ def find_measured(frame: Frame, *, channel: str) -> NDArray[np.bool_]:
 
 def _green_sites(frame: Frame) -> list[tuple[slice, slice]]:
     """Return the two green CFA positions of the pattern as parts of the window."""
-    return [
-        (slice((site // 2 - frame.row0) % 2, None, 2), slice((site % 2 - frame.col0) % 2, None, 2))
-        for site, letter in enumerate(frame.cfa)
-        if letter == "G"
-    ]
-
-
-class _Part(Record, kw_only=False):
-    """The pixels of one channel in a window, and their position in the frame."""
-
-    channel: str
-    part: tuple[slice | int, ...]  # of the samples
-    rows: slice
-    cols: slice
+    return [(each.rows, each.cols) for each in _list_parts(frame, channel="green")]
 
 
 def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
@@ -272,7 +267,7 @@ def correct_signal(
             continue
         plane = lens.compute_plane(*_places(frame, each), channel=each.channel)
         gains.append(1.0 / plane[chosen].astype(np.float64))
-        lights.append((frame.samples_dn[each.part][chosen] - dark_signal_dn) * gains[-1])
+        lights.append((frame.samples_dn[each.at][chosen] - dark_signal_dn) * gains[-1])
     if channel == GREY:
         gains, lights = [np.concatenate(gains)], [np.concatenate(lights)]
     count = len(gains)
@@ -314,28 +309,12 @@ def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.floa
     return shares
 
 
-def _list_parts(frame: Frame, *, channel: str) -> list[_Part]:
-    every = slice(None)
-    if frame.cfa == GREY:
-        return [_Part(GREY, (every, every), every, every)]
+def _list_parts(frame: Frame, *, channel: str) -> list[Part]:
     wanted = name_channels(frame.cfa, channel=channel)
-    if frame.cfa == "rgb":
-        return [
-            _Part(name, (every, every, index), every, every)
-            for index, name in enumerate(_PLANES)
-            if name in wanted
-        ]
-    parts = []
-    for index in range(4):
-        name = name_site(frame.cfa, index)
-        rows = slice((index // 2 - frame.row0) % 2, None, 2)
-        cols = slice((index % 2 - frame.col0) % 2, None, 2)
-        if name in wanted:
-            parts.append(_Part(name, (rows, cols), rows, cols))
-    return parts
+    return [each for each in list_parts(frame) if each.channel in wanted]
 
 
-def _places(frame: Frame, part: _Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _places(frame: Frame, part: Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the rows and columns, in the frame, of a part's pixels."""
     height, width = frame.samples_dn.shape[:2]
     return (np.arange(height) + frame.row0)[part.rows], (np.arange(width) + frame.col0)[part.cols]

@@ -16,7 +16,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography, map_plane
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, maps, method, pixels, results
-from radiometry.luminance.application import AppliedLuminance, Effect, apply_to_signal, find_aperture
+from radiometry.luminance.application import AppliedLuminance, Effect, apply_to_signal, find_k
 from radiometry.luminance.corrections import apply_corrections
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
@@ -397,7 +397,7 @@ class CalibratedCamera(Record, kw_only=False):
         [1] JCGM 100:2008, G.4.1 (Welch and Satterthwaite), doi:10.59161/JCGM100-2008E
         """
         settings = self.exposure.on_basis(self.coefficient.exposure_basis)
-        k = find_aperture(self.coefficient, settings) or self.coefficient
+        k = find_k(self.coefficient, settings)
         total = math.fsum(each.effect_cd_m2**2 for each in applied.effects)
         of_k = (applied.luminance_cd_m2.value * k.luminance_k_standard_uncertainty / k.luminance_k) ** 2
         doubt = min(of_k, total) ** 2 / (k.effective_dof or math.inf)

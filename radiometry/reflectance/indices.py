@@ -189,30 +189,27 @@ def align_band(band: BandMap, first: BandMap) -> AlignedBand:
     of, onto, turned = _read_lenses(band.header, first.header)
     plane = align(band.reflectance, of=of, onto=onto)
     found = register(first.reflectance, plane, reach_px=_REACH_PX if turned else _WIDE_REACH_PX)
-    name = imaging.require_band(band.header).band
+    alignment = Alignment(
+        band=imaging.require_band(band.header).band,
+        by="lens_data",
+        residual_px=UNREFINED_PX,
+        shift_px=(0.0, 0.0),
+        patches=found.patches,
+        tried=found.tried,
+    )
     if not found.trusted or found.residual_px is None:
         require_lens_data(imaging.require_band(band.header).geometry)
         require_lens_data(imaging.require_band(first.header).geometry)
-        alignment = Alignment(
-            band=name,
-            by="lens_data",
-            residual_px=UNREFINED_PX,
-            shift_px=(0.0, 0.0),
-            patches=found.patches,
-            tried=found.tried,
-        )
         return AlignedBand(reflectance=plane, alignment=alignment)
-    alignment = Alignment(
-        band=name,
+    refined = replace(
+        alignment,
         by="lens_data_and_correlation" if turned else "correlation",
         residual_px=found.residual_px,
         shift_px=found.shift_px,
-        patches=found.patches,
-        tried=found.tried,
         matrix=found.matrix,
     )
     plane = align(band.reflectance, of=of, onto=onto, matrix=found.matrix)
-    return AlignedBand(reflectance=plane, alignment=alignment)
+    return AlignedBand(reflectance=plane, alignment=refined)
 
 
 def compute_index(formula: Formula, planes: Mapping[str, NDArray[np.float32]]) -> IndexMap:

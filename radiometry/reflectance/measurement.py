@@ -1,7 +1,7 @@
 """Measurement of a region: the reflectance or radiance of a band, or an index, with its uncertainty."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -118,7 +118,10 @@ def measure_region(
         shared_u=_part(applied.effects, shared=True),
         noise_u=_part(applied.effects, shared=False),
         **describe_pixels(values, noise=noise, shared_rel=shared_rel, unit=REFLECTANCE_UNIT),
-        budget=_share_out(applied),
+        budget=_share_out(
+            ((each.source, each.shared, each.effect**2) for each in applied.effects),
+            applied.reflectance.standard_uncertainty**2,
+        ),
         i_sq=applied.i_sq,
         i_ss=applied.i_ss,
         reflectance_k=applied.reflectance_k,
@@ -177,16 +180,16 @@ def _part(effects: Sequence[Effect], *, shared: bool) -> float:
     return math.hypot(*(effect.effect for effect in effects if effect.shared == shared))
 
 
-def _share_out(applied: AppliedReflectance) -> tuple[Share, ...]:
-    variance = applied.reflectance.standard_uncertainty**2
+def _share_out(parts: Iterable[tuple[str, bool, float]], total: float) -> tuple[Share, ...]:
+    """Return sources, each with its variance, as shares of the total, the largest first."""
     shares = [
         Share(
-            source=effect.source,
-            shared=effect.shared,
-            standard_uncertainty=abs(effect.effect),
-            variance_share=effect.effect**2 / variance if variance > 0.0 else 0.0,
+            source=source,
+            shared=is_shared,
+            standard_uncertainty=math.sqrt(variance),
+            variance_share=variance / total if total > 0.0 else 0.0,
         )
-        for effect in applied.effects
+        for source, is_shared, variance in parts
     ]
     return tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source)))
 
@@ -324,15 +327,7 @@ def measure_index(
     }
     variances = {source: float(found) for source, found in combine(slopes, effects).items()}
     total = math.fsum(variances.values())
-    shares = [
-        Share(
-            source=source,
-            shared=source not in (_NOISE, ALIGNMENT),
-            standard_uncertainty=math.sqrt(variance),
-            variance_share=variance / total if total > 0.0 else 0.0,
-        )
-        for source, variance in variances.items()
-    ]
+    parts = [(source, source not in (_NOISE, ALIGNMENT), each) for source, each in variances.items()]
     raised = [
         Raised(flag=each.flag, where=f"band {band.band}", detail=each.detail)
         for band in bands
@@ -352,7 +347,7 @@ def measure_index(
         flags=(*raised, *flag_alignment(alignment)),
         formula=formula.text,
         alignment=tuple(alignment),
-        budget=tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source))),
+        budget=_share_out(parts, total),
         **_expand(found, doubt),
     )
 

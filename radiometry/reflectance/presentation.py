@@ -12,7 +12,7 @@ from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.multispectral import label_band
-from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
+from radiometry.reflectance.results import HALF_HOUR_S, Fit, Knot, interpolate
 from radiometry.specification import certificate
 
 Node = dict[str, Any]
@@ -73,7 +73,8 @@ def _build_time(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
             near_s = [at for at in flight_s if ends_s[0] - HALF_HOUR_S <= at <= ends_s[1] + HALF_HOUR_S]
             ends_s += near_s
             for at_s in sorted({*times, *np.linspace(min(ends_s), max(ends_s), _STEPS).tolist()}):
-                found = _interpolate(c, knots, at_s)
+                follow = c.get("interpolation", "linear") == "linear"
+                found = interpolate(knots, at_s=at_s, follow=follow, drift_rel=c.get("drift_half_hour_rel"))
                 u = factor * math.hypot(found.u_rel, found.drift_u_rel)
                 curve.append(((at_s - start_s) / 60.0, _compare(found.value, c), u))
         visits = [
@@ -108,13 +109,6 @@ def _build_time(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
             moments=tuple((at - start_s) / 60.0 for at in near_s if start_s is not None),
             moments_are="frames of the flight",
         )
-
-
-def _interpolate(c: Node, knots: list[Knot], at_s: float) -> KAtTime:
-    follow, drift_rel = c.get("interpolation", "linear") == "linear", c.get("drift_half_hour_rel")
-    return interpolate(
-        knots, at_s=at_s, follow=follow, drift_rel=USUAL_DRIFT_REL if drift_rel is None else drift_rel
-    )
 
 
 def _compare(k: float, c: Node) -> float:

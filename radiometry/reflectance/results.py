@@ -157,8 +157,7 @@ HALF_HOUR_S = 1800.0
 ASSUMED_DOF = 4.0
 # That of a single sunshine reading, 0.2 to 4.7 % by sensor, is known to 50 %.
 READING_DOF = 2.0
-# Versions before the drift was estimated.
-USUAL_DRIFT_REL = 0.02
+_USUAL_DRIFT_REL = 0.02
 _FAST_S = 300.0
 # A clock that was set in between leaves years: the rule ends with the day.
 _LONGEST_S = 86_400.0
@@ -365,7 +364,9 @@ def change_variance(after_s: float) -> float:
     return 0.5 * (time_s / HALF_HOUR_S - math.expm1(-time_s / _FAST_S))
 
 
-def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drift_rel: float) -> KAtTime:
+def interpolate(
+    knots: Sequence[Knot], *, at_s: float | None, follow: bool, drift_rel: float | None
+) -> KAtTime:
     """Compute K(t) from the panel visits, with the uncertainty that they do not share.
 
     K(t) is the sum of w_i K_i over the visits: lines weigh the two around t by time, and before the first and
@@ -375,11 +376,12 @@ def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drif
         drift^2 = d^2 (sum w_i v(t - t_i) - sum w_i w_j v(t_i - t_j) / 2)
 
     Without the time of the frame or of the visits K is the mean, and the drift d and the whole difference
-    between visits.
+    between visits. Versions of before the drift was estimated have the usual one.
 
     [1] N. Cressie, Statistics for Spatial Data (1993), section 3.2 (v/2 is a variogram),
     doi:10.1002/9781119115151
     """
+    drift_rel = _USUAL_DRIFT_REL if drift_rel is None else drift_rel
     ks = [knot.reflectance_k for knot in knots]
     times = [knot.at_s for knot in knots if knot.at_s is not None]
     known_s = at_s if len(times) == len(knots) else None
@@ -430,12 +432,11 @@ def add_effects(effects: Sequence[Sequence[float]], weights: Sequence[float]) ->
 
 def evaluate_k(coefficient: Coefficient, *, at_s: float | None) -> KAtTime:
     """Compute K(t) with its uncertainty by `interpolate`, and what all visits share."""
-    drift_rel = coefficient.drift_half_hour_rel
     found = interpolate(
         coefficient.knots,
         at_s=at_s,
         follow=coefficient.interpolation == "linear",
-        drift_rel=USUAL_DRIFT_REL if drift_rel is None else drift_rel,
+        drift_rel=coefficient.drift_half_hour_rel,
     )
     return replace(
         found,
