@@ -270,11 +270,15 @@ def _flicker(kind: LampKind, time_s: float) -> Regime:
     settings = Settings(exposure_time_s=time_s, f_number=4.0, iso=3200.0)
     stated = FieldConditions(mains_frequency_hz=50.0, lamp_kind=kind)
     u = corrections.correct_flicker(stated, settings, frames=1)[0].u_rel
+    phases = np.sin(np.linspace(0.0, 2 * math.pi, 2000, endpoint=False))
 
     def work(random: Random) -> Iterator[Drawn]:
         depth = half * random.uniform(low, high)
         shown = 1.0 + depth * math.sin(random.uniform(0.0, 2 * math.pi))
-        yield Drawn(1.0 / shown - 1.0, u, K95 * u, depth / math.sqrt(2))
+        # of one that knows the depth: 1 / shown is skewed
+        errors = np.abs(1.0 / (1.0 + depth * phases) - 1.0)
+        oracle = max(math.sqrt(np.mean(errors**2)), float(np.quantile(errors, 0.95)) / K95)
+        yield Drawn(1.0 / shown - 1.0, u, K95 * u, oracle)
 
     return work
 
