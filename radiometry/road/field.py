@@ -22,13 +22,12 @@ and 5.4
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.records import Record
 from radiometry.road.results import Model
 from radiometry.road.site import Site
 
@@ -59,7 +58,7 @@ class Ground(NamedTuple):
         return Ground(self.xy_m[places], self.trend[places], self.angles[places], self.under[:, places])
 
 
-class Rows(Record):
+class Rows(NamedTuple):
     """Observations: luminances first, then meter readings; `places` are those of the field that they see."""
 
     values: Array  # (rows,), as the equations above
@@ -67,9 +66,16 @@ class Rows(Record):
     sees_pavement: NDArray[np.bool_]  # (rows,), of luminances, also of a meter
     is_reading: NDArray[np.bool_]  # (rows,), of a meter
     own_u: Array  # (rows,)
-    meters: tuple[str, ...]  # the levels of "meter"
     #: Effects of one standard uncertainty of each other error, (rows, levels), by source
     shared: Mapping[str, Array]
+    meters: tuple[str, ...]  # the levels of "meter"
+
+    def keep(self, kept: NDArray[np.bool_]) -> "Rows":
+        some: dict[str, Any] = {
+            name: each[kept] for name, each in self._asdict().items() if name not in {"shared", "meters"}
+        }
+        shared = {source: effect[kept] for source, effect in self.shared.items()}
+        return self._replace(**some, shared=shared)
 
 
 class Field(NamedTuple):
@@ -93,7 +99,7 @@ def fit_models(ground: Ground, rows: Rows, *, patches: float) -> tuple[Model, ..
     The first model is the most likely one. The others are drawn from its Laplace approximation, and again by
     their likelihood over that of the approximation: figures then know how well the field is known.
     """
-    alone = select_rows(rows, ~rows.is_reading)
+    alone = rows.keep(~rows.is_reading)
     fixed, seen = _cover(alone), ground.at(alone.places)
     usual = np.log(list(asdict(replace(USUAL, patches_rel=patches)).values()))
 
@@ -130,15 +136,6 @@ def _draw_models(cost: Callable[[Array], float], best: Array) -> Array:
     return np.asarray(drawn[random.choice(_MODELS, _MODELS, p=likely / likely.sum())])
 
 
-def select_rows(rows: Rows, kept: NDArray[np.bool_]) -> Rows:
-    """Return some of the rows."""
-    own = {
-        name: getattr(rows, name)[kept]
-        for name in ("values", "places", "sees_pavement", "is_reading", "own_u")
-    }
-    return replace(rows, **own, shared={source: effect[kept] for source, effect in rows.shared.items()})
-
-
 def solve_field(ground: Ground, rows: Rows, model: Model) -> Field:
     """Solve for ln E at all places, with the contribution of every source to its error."""
     count = len(ground.xy_m)
@@ -159,7 +156,7 @@ def solve_field(ground: Ground, rows: Rows, model: Model) -> Field:
     left = inverse @ rows.values / np.diag(inverse)
     shared = np.concatenate(list(rows.shared.values()), axis=1)
     of_levels = shared.T @ inverse
-    pull = np.eye(count) - _spread(gain, rows.places, count)
+    pull = np.eye(count) - gain @ np.eye(count)[rows.places]
     errors["field"] = pull @ np.linalg.cholesky(light + 1e-9 * np.eye(count))
     return Field(
         mean=gain @ rows.values,
@@ -169,13 +166,6 @@ def solve_field(ground: Ground, rows: Rows, model: Model) -> Field:
         left=left,
         left_u=1.0 / np.sqrt(np.diag(inverse)),
     )
-
-
-def _spread(gain: Array, places: NDArray[np.intp], count: int) -> Array:
-    """Return the weight of each place's light in the estimates, (places, places)."""
-    weights = np.zeros((len(gain), count))
-    np.add.at(weights.T, places, gain.T)
-    return weights
 
 
 def _cover(rows: Rows) -> Array:

@@ -9,14 +9,14 @@ import numpy as np
 from radiometry.frame.grid import Grid, stretch_corners
 from radiometry.records import Record
 from radiometry.road.grid import count_points, lay_points
-from radiometry.road.placing import Mark, PlainCamera, place_frame
+from radiometry.road.placing import Lens, Mark, place_frame
 from radiometry.road.rules import GridRule
 from radiometry.road.site import Row, Site, Strip
 
 _RULE: Final = GridRule(fewest_along=10, widest_along_m=3.0, fewest_across=3, widest_across_m=math.inf)
 """For luminances, EN 13201-3:2015."""
 
-_NO_CAMERA: Final = PlainCamera(focal_px=1.0, height_px=1, width_px=1)
+_NO_CAMERA: Final = Lens(np.eye(3))
 
 
 class LaneGrid(Record):

@@ -1,17 +1,17 @@
-"""Observations of a road: luminances of its points over all frames, and readings at control points."""
+"""Observations of a road: luminances of its places over all frames, and readings at control points."""
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.records import Record
 from radiometry.road import codes
-from radiometry.road.field import ANGLE_U, Ground, Rows, lay_ground, light_evenly
+from radiometry.road.field import ANGLE_U, Field, Ground, Rows, lay_ground, light_evenly
 from radiometry.road.grid import GridPoint, find_distance, holds, outline_points
-from radiometry.road.site import UNCERTIFIED_U, ControlPoint, Reading, Road, Scale, Site
+from radiometry.road.site import ControlPoint, Meter, Road, Scale, Site
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -27,41 +27,6 @@ _LN_SLOPE_PER_M = 0.1  # Usual slope of ln E
 _APART, _APART_SCATTER, _LEAST_SHARE = 0.25, 4.0, 0.1
 
 
-class Seen(NamedTuple):
-    """Luminance of one place, over all frames."""
-
-    ln_luminance: float
-    own_u: float
-    frames: tuple[str, ...]
-    place_u_m: float
-    view_deg: float
-    ln_colour: float | None  # of R/G
-    ln_falloff: float  # of cos^4
-
-
-def average_frames(readings: Sequence[Reading]) -> dict[str, Seen]:
-    """Average the luminances of each place over the frames that see it."""
-    of_place: dict[str, list[Reading]] = defaultdict(list)
-    for each in readings:
-        if each.luminance_cd_m2 > 0.0:
-            of_place[each.place].append(each)
-    return {place: _average(found) for place, found in of_place.items()}
-
-
-def _average(found: Sequence[Reading]) -> Seen:
-    colours = [math.log(each.colour[0]) for each in found if each.colour is not None]
-    falloffs = 4.0 * np.log(np.cos(np.radians([each.off_axis_deg for each in found])))
-    return Seen(
-        ln_luminance=float(np.mean([math.log(each.luminance_cd_m2) for each in found])),
-        own_u=math.sqrt(sum(each.u_rel**2 for each in found)) / len(found),
-        frames=tuple(each.frame for each in found),
-        place_u_m=max(each.place_u_m for each in found),
-        view_deg=max(each.view_deg for each in found),
-        ln_colour=float(np.mean(colours)) if colours else None,
-        ln_falloff=float(falloffs.mean()),
-    )
-
-
 class Cells(NamedTuple):
     """Grid points and control points, and the rectangles over which their luminances are averaged."""
 
@@ -71,6 +36,17 @@ class Cells(NamedTuple):
     sides_m: Array  # (n, 2)
     #: Mean over the rectangle, over its middle, of the light of lamps that shine alike, (n,)
     brighter: Array
+
+
+class Sight(Record):
+    """What frames show of the cells of a road, (frames, cells) each; luminance NaN where one shows none."""
+
+    luminance_cd_m2: Array  #: Mean over the cell, over what lamps that shine alike make of it there
+    u_rel: Array  #: Relative standard uncertainty of this reading's own noise
+    view_deg: Array  #: Angle between the view and the vertical
+    off_axis_deg: Array  #: Angle between the view and the lens's axis
+    place_u_m: Array  #: Standard uncertainty of the place on the road
+    red_over_green: Array  #: Colour above dark; NaN of a frame without colours
 
 
 def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
@@ -86,7 +62,8 @@ def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
     points : sequence of GridPoint
         Grid, as `lay_points` lays it.
     """
-    xy = np.array([(p.x_m, p.y_m) for p in points] + [(c.x_m, c.y_m) for c in road.control], np.float64)
+    middles: list[GridPoint | ControlPoint] = [*points, *road.control]
+    xy = np.array([(each.x_m, each.y_m) for each in middles], np.float64)
     apart = np.sum((xy[len(points) :, None] - xy[None, : len(points)]) ** 2, axis=2)
     near = [points[n].part for n in np.argmin(apart, axis=1)]
     parts = [p.part for p in points] + [c.part or part for c, part in zip(road.control, near, strict=True)]
@@ -101,8 +78,7 @@ def lay_cells(road: Road, points: Sequence[GridPoint]) -> Cells:
     lamps = np.array(road.site.list_lamps())
     light = np.exp(light_evenly((xy + inside * sides).reshape(-1, 2), lamps)[0]).reshape(len(inside), -1)
     brighter = light.mean(axis=0) / np.exp(light_evenly(xy, lamps)[0])
-    names = (*(p.name for p in points), *(c.name for c in road.control))
-    return Cells(names, tuple(parts), xy, sides, brighter)
+    return Cells(tuple(each.name for each in middles), tuple(parts), xy, sides, brighter)
 
 
 def _find_room(site: Site, parts: Sequence[str], xy_m: Array, sides_m: Array) -> Array:
@@ -121,105 +97,108 @@ def _find_room(site: Site, parts: Sequence[str], xy_m: Array, sides_m: Array) ->
 class Places(NamedTuple):
     """Grid points and control points of a road, in this order, with what was seen of each."""
 
-    names: tuple[str, ...]
     ground: Ground
-    surfaces: tuple[str, ...]
-    seen: tuple[Seen | None, ...]
-    lamps: NDArray[np.intp]  # group of lamps by colour
+    surfaces: NDArray[np.str_]
+    lamps: Indices  # group of lamps by colour
+    seen: NDArray[np.bool_]
+    # Over all frames that show a place
+    ln_luminance: Array
+    own_u: Array
+    ln_falloff: Array  # of cos^4
+    place_u_m: Array
+    view_deg: Array
 
 
-def gather(road: Road, points: Sequence[GridPoint], readings: Sequence[Reading]) -> Places:
-    seen, hidden, cells = average_frames(readings), set(road.hidden), lay_cells(road, points)
-    known = tuple(None if name in hidden else seen.get(name) for name in cells.names)
-    if sum(each is not None for each in known[: len(points)]) < len(points) / 2:
+def gather(road: Road, points: Sequence[GridPoint], sight: Sight) -> Places:
+    """Average the luminances of each place over the frames that show it."""
+    cells = lay_cells(road, points)
+    shown = np.isfinite(sight.luminance_cd_m2) & ~np.isin(cells.names, road.hidden)
+    seen = np.asarray(shown.any(axis=0))
+    if np.sum(seen[: len(points)]) < len(points) / 2:
         raise codes.ROAD_NOT_SEEN.refuse("Less than half of the points of the grid are seen.")
     return Places(
-        names=cells.names,
         ground=lay_ground(road.site, cells.xy_m),
-        surfaces=tuple(road.site.find_surface(part) for part in cells.parts),
-        seen=known,
-        lamps=split_lamps([None if each is None else each.ln_colour for each in known]),
+        surfaces=np.array([road.site.find_surface(part) for part in cells.parts]),
+        lamps=split_lamps(_average(np.log(sight.red_over_green), shown & (sight.red_over_green > 0.0))),
+        seen=seen,
+        ln_luminance=_average(np.log(sight.luminance_cd_m2), shown),
+        own_u=np.sqrt(_average(sight.u_rel**2, shown) / np.maximum(shown.sum(axis=0), 1)),
+        ln_falloff=_average(4.0 * np.log(np.cos(np.radians(sight.off_axis_deg))), shown),
+        place_u_m=np.max(sight.place_u_m, axis=0, where=shown, initial=0.0),
+        view_deg=np.max(sight.view_deg, axis=0, where=shown, initial=0.0),
     )
+
+
+class Solved(NamedTuple):
+    """A road with the field that its observations give."""
+
+    road: Road
+    scale: Scale
+    points: Sequence[GridPoint]
+    judged: Indices  # of the points
+    places: Places
+    rows: Rows
+    used: NDArray[np.bool_]  # of the rows
+    field: Field
+
+
+def _average(values: Array, shown: NDArray[np.bool_]) -> Array:
+    """Return the mean over the frames that show each place; NaN where none does."""
+    counts, total = shown.sum(axis=0), np.sum(values, axis=0, where=shown)
+    return np.asarray(np.where(counts > 0, total / np.maximum(counts, 1), np.nan))
 
 
 def make_rows(road: Road, places: Places, scale: Scale) -> Rows:
     """Return the observations: luminances of all places that are seen, then the readings that are used."""
-    at = [n for n, each in enumerate(places.seen) if each is not None]
-    seen = [each for each in places.seen if each is not None]
-    first = len(places.names) - len(road.control)
+    first, at = len(places.seen) - len(road.control), np.flatnonzero(places.seen)
     read = [(first + n, each) for n, each in enumerate(road.control) if each.left_out is None]
-    rho = road.conditions.reflectance or _USUAL_RHO
-    flat = math.log(rho / math.pi)
-    is_luminance = np.array([each.quantity == "luminance" for _, each in read], np.bool_)
-    index = np.array(at + [n for n, _ in read], np.intp)
+    control = [each for _, each in read]
+    index = np.concatenate([at, np.array([n for n, _ in read], np.intp)])
     is_reading = np.arange(len(index)) >= len(at)
-    sees = np.concatenate([np.ones(len(at), np.bool_), is_luminance])
-    falloff = _FALLOFF if scale.falls_off else 0.0
-    values = [each.ln_luminance - falloff * each.ln_falloff for each in seen]
-    values += [each.ln_mean for _, each in read]
-    meters = tuple(sorted({each.meter for _, each in read} | ({scale.meter.meter} if scale.meter else set())))
+    sees = np.concatenate([places.seen[at], [each.quantity == "luminance" for each in control]]).astype(bool)
+    flat = math.log((road.conditions.reflectance or _USUAL_RHO) / math.pi)
+    falloff = _FALLOFF * places.ln_falloff if scale.falls_off else 0.0
+    own_u = np.hypot(places.own_u, _LN_SLOPE_PER_M * places.place_u_m)[at]
+    values = np.concatenate([(places.ln_luminance - falloff)[at], [each.ln_mean for each in control]])
+    meters, of_meters = _share_meters(road, scale, len(at), control)
+    by_camera = np.where(is_reading, 0.0, 1.0)[:, None]
+    rho_u = road.conditions.reflectance_u_rel if road.conditions.reflectance else _USUAL_RHO_U
+    lamps = places.lamps[index][:, None] == np.arange(places.lamps.max() + 1)
+    shared = {
+        "camera": scale.u_rel * by_camera,
+        "lamp spectrum": scale.spectral_u_rel * by_camera * lamps,
+        "meter": of_meters,
+        "reflectance": -rho_u
+        * sees[:, None]
+        * (places.surfaces[index][:, None] == np.unique(places.surfaces)),
+        "angle": -ANGLE_U * (sees * places.ground.angles[index])[:, None],
+    }
+    if scale.falls_off:
+        shared["falloff"] = _FALLOFF_U * np.where(is_reading, 0.0, places.ln_falloff[index])[:, None]
     return Rows(
-        values=np.array(values) - np.where(sees, flat, 0.0),
+        values=values - np.where(sees, flat, 0.0),
         places=index,
         sees_pavement=sees,
         is_reading=is_reading,
-        own_u=np.array(
-            [math.hypot(each.own_u, _LN_SLOPE_PER_M * each.place_u_m) for each in seen]
-            + [each.own_u for _, each in read]
-        ),
+        own_u=np.concatenate([own_u, [each.own_u for each in control]]),
+        shared=shared,
         meters=meters,
-        shared=_share_errors(road, places, scale, index, sees, [each for _, each in read], meters),
     )
 
 
-def _share_errors(
-    road: Road,
-    places: Places,
-    scale: Scale,
-    index: Indices,
-    sees: NDArray[np.bool_],
-    read: Sequence[ControlPoint],
-    meters: Sequence[str],
-) -> dict[str, Array]:
-    """Return the effect of one standard uncertainty of each error that rows share, (rows, levels)."""
-    count = len(index) - len(read)
-    by_camera = (np.arange(len(index)) < count).astype(np.float64)
-    frames = sorted({frame for each in places.seen if each is not None for frame in each.frames})
-    of_frames = np.zeros((len(index), len(frames)))
-    for row, each in enumerate(each for each in places.seen if each is not None):
-        for frame in each.frames:
-            of_frames[row, frames.index(frame)] = scale.frame_u_rel / len(each.frames)
-    stated = {each.meter: each.assumed_u_rel for each in road.meters}
-    of_meters = np.zeros((len(index), len(meters)))
-    if scale.meter:
-        of_meters[:count, meters.index(scale.meter.meter)] = scale.meter.assumed_u_rel
-    for row, point in enumerate(read, start=count):
-        of_meters[row, meters.index(point.meter)] = stated.get(point.meter, UNCERTIFIED_U)
-    conditions = road.conditions
-    rho_u = conditions.reflectance_u_rel if conditions.reflectance else _USUAL_RHO_U
-    pavements = sorted(set(places.surfaces))
-    of_pavement = np.array([[places.surfaces[n] == each for each in pavements] for n in index], np.float64)
-    groups = range(int(places.lamps.max()) + 1)
-    of_lamps = np.array([[places.lamps[n] == each for each in groups] for n in index], np.float64)
-    return {
-        "camera": scale.u_rel * by_camera[:, None],
-        "frames": of_frames,
-        "lamp spectrum": scale.spectral_u_rel * by_camera[:, None] * of_lamps,
-        "meter": of_meters,
-        "reflectance": -rho_u * sees[:, None] * of_pavement,
-        "angle": -ANGLE_U * (sees * places.ground.angles[index])[:, None],
-        **({"falloff": _find_falloff(places, len(index))} if scale.falls_off else {}),
-    }
+def _share_meters(
+    road: Road, scale: Scale, luminances: int, control: Sequence[ControlPoint]
+) -> tuple[tuple[str, ...], Array]:
+    """Return the meters behind luminances and readings, and the effect of the error of each."""
+    of_rows = [scale.meter or Meter(meter="", u_rel=0.0)] * luminances + [*map(road.find_meter, control)]
+    meters = sorted({each.meter for each in of_rows})
+    effects = [[each.assumed_u_rel * (each.meter == meter) for meter in meters] for each in of_rows]
+    return tuple(meters), np.array(effects)
 
 
-def _find_falloff(places: Places, rows: int) -> Array:
-    errors = [_FALLOFF_U * each.ln_falloff for each in places.seen if each is not None]
-    return np.pad(errors, (0, rows - len(errors)))[:, None]
-
-
-def split_lamps(ln_colours: Sequence[float | None]) -> Indices:
+def split_lamps(ln_colours: Array) -> Indices:
     """Return the group of lamps of each place by its ln R/G: 0, or 1 where two unlike lamps light a field."""
-    known = np.array(sorted(each for each in ln_colours if each is not None))
+    known = np.sort(ln_colours[np.isfinite(ln_colours)])
     groups = np.zeros(len(ln_colours), np.intp)
     least = max(2, math.ceil(_LEAST_SHARE * len(known)))
     if len(known) < 2 * least:
@@ -230,5 +209,4 @@ def split_lamps(ln_colours: Sequence[float | None]) -> Indices:
     apart = known[cut:].mean() - known[:cut].mean()
     if apart < max(_APART, _APART_SCATTER * math.sqrt(min(scatter) / len(known))):
         return groups
-    middle = (known[cut - 1] + known[cut]) / 2.0
-    return np.array([int(each is not None and each > middle) for each in ln_colours], np.intp)
+    return np.asarray(ln_colours > (known[cut - 1] + known[cut]) / 2.0, np.intp)

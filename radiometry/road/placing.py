@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import NamedTuple, cast
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radiometry.frame.grid import map_plane
@@ -21,44 +22,23 @@ Array = NDArray[np.float64]
 
 FEWEST_MARKS = 4
 MARK_U_PX = 1.0
-_ITERATIONS = 20
-_WORST_CONDITION = 1e7
+_EXACT, _WORST_CONDITION = 1e-12, 1e7
+_PIXELS = (-1e5, 1e6)
 # Standard uncertainty of a nominal focal length, what a lens bends included, relative
 NOMINAL_FOCAL_U = 0.02
 
 
-class Camera(Protocol):
-    """A camera in OpenCV's notation, such as a version of the geometry method makes."""
+class Lens(NamedTuple):
+    """A camera in OpenCV's notation: its matrix, (3, 3) [px], and k1, k2, p1, p2, k3."""
 
-    @property
-    def matrix(self) -> Array:
-        """Camera matrix, (3, 3) [px]."""
+    matrix: Array
+    distortion: Array = np.zeros(5)
 
-    @property
-    def distortion(self) -> Array:
-        """Distortion coefficients k1, k2, p1, p2, k3."""
-
-
-class PlainCamera(Record):
-    """A camera of which no geometry is known but its nominal focal length."""
-
-    focal_px: float
-    height_px: int
-    width_px: int
-
-    @property
-    def matrix(self) -> Array:
-        """Camera matrix about the middle of the picture."""
-        middle = (self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0
-        return np.array([[self.focal_px, 0.0, middle[0]], [0.0, self.focal_px, middle[1]], [0.0, 0.0, 1.0]])
-
-    @property
-    def distortion(self) -> Array:
-        """No distortion."""
-        return np.zeros(5)
-
-
-_PIXELS = (-1e5, 1e6)
+    @classmethod
+    def of_focal_length(cls, focal_px: float, *, height_px: int, width_px: int) -> "Lens":
+        """Return a camera of which no geometry is known but its nominal focal length."""
+        x, y = (width_px - 1) / 2.0, (height_px - 1) / 2.0
+        return cls(np.array([[focal_px, 0.0, x], [0.0, focal_px, y], [0.0, 0.0, 1.0]]))
 
 
 class Mark(Record):
@@ -74,20 +54,19 @@ class Mark(Record):
 
 
 class Placement(Record):
-    """Homography from the road to the picture of a lens without distortion, with its covariance."""
+    """Homography from the road to the picture of a lens without distortion, with its errors."""
 
     h: Array  # (3, 3), from (x, y, 1) on the road to (x, y) at unit distance from the lens; h[2, 2] = 1
-    covariance: Array  # of its first eight elements, (8, 8)
-    camera: Camera
+    errors: Array  # Changes of h by one standard uncertainty of each of its errors, (errors, 3, 3)
+    camera: Lens
 
     def to_image(self, places_m: Array) -> Array:
         """Compute where places on the road, (n, 2) [m], lie in the picture: (n, 2), x before y [px].
 
         Brown's model folds what is far outside the picture back into it: such places are shown unbent.
         """
-        ideal = map_plane(self.h, places_m)
+        ideal, none = map_plane(self.h, places_m), np.zeros(3)
         rays = np.column_stack([ideal, np.ones(len(ideal))])
-        none = np.zeros(3)
         seen, _ = cv2.projectPoints(rays, none, none, self.camera.matrix, self.camera.distortion)
         is_bent = np.linalg.norm(ideal, axis=1) <= _find_reach(self.camera.distortion)
         unbent = map_plane(self.camera.matrix, ideal)
@@ -101,8 +80,7 @@ class Placement(Record):
 
     def to_road(self, places_px: Array) -> Array:
         """Compute where places in the picture, (n, 2), x before y [px], lie on the road: (n, 2) [m]."""
-        back = np.asarray(np.linalg.inv(self.h), np.float64)
-        return map_plane(back, _straighten(self.camera, places_px))
+        return map_plane(np.asarray(np.linalg.inv(self.h)), _straighten(self.camera, places_px))
 
     def estimate_u_m(self, places_m: Array) -> Array:
         """Estimate the standard uncertainty of places on the road, the larger of both axes, (n,) [m]."""
@@ -110,10 +88,11 @@ class Placement(Record):
 
     def find_covariances(self, places_m: Array) -> Array:
         """Estimate the covariance of each place on the road, (n, 2, 2) [m2]."""
-        design = _differentiate(self.h, places_m)
-        spread = design @ self.covariance @ design.transpose(0, 2, 1)
-        back = np.linalg.inv(_differentiate_places(self.h, places_m))
-        return np.asarray(back @ spread @ back.transpose(0, 2, 1), np.float64)
+        seen, places = map_plane(self.h, places_m), np.column_stack([places_m, np.ones(len(places_m))])
+        moved = places @ self.errors.transpose(0, 2, 1)
+        shifts = (moved[..., :2] - seen * moved[..., 2:]).transpose(1, 2, 0)
+        moves = np.linalg.solve(self.h[:2, :2] - seen[:, :, None] * self.h[2:, :2], shifts)
+        return np.asarray(moves @ moves.transpose(0, 2, 1), np.float64)
 
     def find_off_axis(self, places_m: Array) -> Array:
         """Compute the angles between the view of places and the lens's axis, (n,) [deg]."""
@@ -130,7 +109,7 @@ class Placement(Record):
         return np.asarray(np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0))), np.float64)
 
 
-def place_frame(marks: Sequence[Mark], camera: Camera, *, u_px: float = MARK_U_PX) -> Placement:
+def place_frame(marks: Sequence[Mark], camera: Lens, *, u_px: float = MARK_U_PX) -> Placement:
     """Place a frame by points of the road that were marked in it.
 
     The homography h minimises the distances in the picture, lens corrected, each over its uncertainty: that
@@ -144,7 +123,7 @@ def place_frame(marks: Sequence[Mark], camera: Camera, *, u_px: float = MARK_U_P
     ----------
     marks : sequence of Mark
         Points of the road in the picture, four or more.
-    camera : Camera
+    camera : Lens
         Camera of the frame.
     u_px : float, optional
         Standard uncertainty of each coordinate of a mark [px].
@@ -152,28 +131,37 @@ def place_frame(marks: Sequence[Mark], camera: Camera, *, u_px: float = MARK_U_P
     if len(marks) < FEWEST_MARKS:
         raise codes.PLACE_UNDETERMINED.refuse(f"{len(marks)} points are marked; four or more place a frame.")
     road = np.array([(mark.x_m, mark.y_m) for mark in marks], np.float64)
+    u_m = np.array([mark.u_m for mark in marks])
     seen = _straighten(camera, np.array([(mark.x_px, mark.y_px) for mark in marks], np.float64))
-    h = _start(road, seen)
     u_ideal = u_px / np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
-    for _ in range(_ITERATIONS):
-        scale = np.abs(np.linalg.det(_differentiate_places(h, road))) ** 0.5
-        weights = 1.0 / np.hypot(u_ideal, scale * [mark.u_m for mark in marks])
-        design = (_differentiate(h, road) * weights[:, None, None]).reshape(-1, 8)
-        residual = ((seen - map_plane(h, road)) * weights[:, None]).ravel()
-        sizes = np.linalg.norm(design, axis=0)
-        if not np.all(np.isfinite(design)) or np.linalg.cond(design / sizes) > _WORST_CONDITION:
-            raise _undetermined()
-        step = np.linalg.lstsq(design / sizes, residual, rcond=None)[0] / sizes
-        h = h + np.append(step, 0.0).reshape(3, 3)
-        if np.max(np.abs(step * sizes)) < 1e-6:
-            break
+
+    def miss(eight: Array) -> Array:
+        h = np.append(eight, 1.0).reshape(3, 3)
+        # the square root of the area in the picture of a square metre
+        scale = np.sqrt(np.abs(np.linalg.det(h) / (road @ h[2, :2] + 1.0) ** 3))
+        return np.asarray(((map_plane(h, road) - seen) / np.hypot(u_ideal, scale * u_m)[:, None]).ravel())
+
+    start, _ = cv2.findHomography(road, seen)
+    undetermined = codes.PLACE_UNDETERMINED.refuse("The marked points lie on one line, or three of four do.")
+    if start is None or not abs(start[2, 2]) > 0.0 or not np.all(np.isfinite(start / start[2, 2])):
+        raise undetermined
+    exact = dict.fromkeys(("ftol", "xtol", "gtol"), _EXACT)
+    first = (start / start[2, 2]).ravel()[:8]
+    try:
+        fit = scipy.optimize.least_squares(miss, first, method="lm", x_scale="jac", **exact)
+        sizes = np.linalg.norm(fit.jac, axis=0)
+        _, strengths, axes = np.linalg.svd(fit.jac / np.where(sizes > 0.0, sizes, 1.0))
+    except ValueError:  # a mark on the horizon
+        raise undetermined from None
+    if not strengths[0] <= _WORST_CONDITION * strengths[-1]:
+        raise undetermined
     dof = 2 * len(marks) - 8
-    excess = max(1.0, float(residual @ residual) / dof) if dof else 1.0
-    inverse = np.linalg.inv((design / sizes).T @ (design / sizes)) / np.outer(sizes, sizes)
-    return Placement(h=h, covariance=excess * inverse, camera=camera)
+    excess = max(1.0, 2.0 * fit.cost / dof) if dof else 1.0
+    errors = np.pad(math.sqrt(excess) * axes / strengths[:, None] / sizes, ((0, 0), (0, 1)))
+    return Placement(h=np.append(fit.x, 1.0).reshape(3, 3), errors=errors.reshape(-1, 3, 3), camera=camera)
 
 
-def place_by_pose(pose: Pose, origin: Origin, camera: Camera, *, focal_u_rel: float = 0.0) -> Placement:
+def place_by_pose(pose: Pose, origin: Origin, camera: Lens, *, focal_u_rel: float = 0.0) -> Placement:
     """Place a frame by its camera's own place and attitude over a level road.
 
     With the turn T of the camera's axes into north, east and down, axes N of the road in north and east, and
@@ -189,33 +177,30 @@ def place_by_pose(pose: Pose, origin: Origin, camera: Camera, *, focal_u_rel: fl
         Place and attitude with their uncertainties.
     origin : Origin
         Place of the road on the earth.
-    camera : Camera
+    camera : Lens
         Camera of the frame.
     focal_u_rel : float, optional
         Relative standard uncertainty of its focal length.
     """
     axes = turn_axes(origin)[::-1]
     above = axes @ place_on_road(origin, np.array([(pose.longitude_deg, pose.latitude_deg)]))[0]
-    level = math.radians(pose.u_tilt_deg)
-    u = np.array([pose.u_north_m, pose.u_east_m, pose.u_height_m, level, level, math.radians(pose.u_yaw_deg)])
+    level, yaw = math.radians(pose.u_tilt_deg), math.radians(pose.u_yaw_deg)
+    u = np.diag([pose.u_north_m, pose.u_east_m, pose.u_height_m, level, level, yaw, focal_u_rel])
 
-    def project(moved: Array, focal_rel: float = 0.0) -> Array:
+    def project(moved: Array) -> Array:
         ground = np.zeros((3, 3))
         ground[:2, :2], ground[:2, 2], ground[2, 2] = axes, -above - moved[:2], pose.height_m + moved[2]
-        h = (cv2.Rodrigues(moved[3:])[0] @ pose.turn).T @ ground
-        h[:2] *= 1.0 + focal_rel
+        h = (cv2.Rodrigues(moved[3:6])[0] @ pose.turn).T @ ground
+        h[:2] *= 1.0 + moved[6]
         if not abs(h[2, 2]) > 0.0:
             raise codes.PLACE_UNDETERMINED.refuse("The camera looks past the road.")
         return np.asarray(h / h[2, 2], np.float64)
 
-    middle = project(np.zeros(6))
-    ends = [(project(move), project(-move)) for move in np.diag(u)]
-    ends.append((project(np.zeros(6), focal_u_rel), project(np.zeros(6), -focal_u_rel)))
-    changes = np.array([(up - down).ravel()[:8] / 2.0 for up, down in ends])
-    return Placement(h=middle, covariance=changes.T @ changes, camera=camera)
+    errors = np.array([(project(move) - project(-move)) / 2.0 for move in u])
+    return Placement(h=project(np.zeros(7)), errors=errors, camera=camera)
 
 
-def _straighten(camera: Camera, places_px: Array) -> Array:
+def _straighten(camera: Lens, places_px: Array) -> Array:
     """Compute the directions that places in the picture, x before y [px], see: (n, 2), at unit distance."""
     seen = np.ascontiguousarray(places_px, np.float64).reshape(-1, 1, 2) - 0.5
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
@@ -229,34 +214,3 @@ def _find_reach(distortion: Array) -> float:
     squares = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
     turns = squares.real[(np.abs(squares.imag) < 1e-9) & (squares.real > 0.0)]
     return math.sqrt(min(turns, default=math.inf))
-
-
-def _undetermined() -> Exception:
-    return codes.PLACE_UNDETERMINED.refuse("The marked points lie on one line, or three of four do.")
-
-
-def _start(road: Array, seen: Array) -> Array:
-    """Return the homography that OpenCV finds, in single precision."""
-    h, _ = cv2.findHomography(road, seen)
-    if h is None or not abs(h[2, 2]) > 0.0:
-        raise _undetermined()
-    return np.asarray(h / h[2, 2], np.float64)
-
-
-def _differentiate(h: Array, places_m: Array) -> Array:
-    """Return the derivative of the images of places to the first eight elements of h, (n, 2, 8)."""
-    ones = np.column_stack([places_m, np.ones(len(places_m))])
-    depth = ones @ h[2]
-    seen = map_plane(h, places_m)
-    slope = np.zeros((len(places_m), 2, 8))
-    slope[:, 0, 0:3] = slope[:, 1, 3:6] = ones / depth[:, None]
-    slope[:, :, 6:8] = -seen[:, :, None] * places_m[:, None, :] / depth[:, None, None]
-    return slope
-
-
-def _differentiate_places(h: Array, places_m: Array) -> Array:
-    """Return the derivative of the images of places to the places, (n, 2, 2)."""
-    depth = np.column_stack([places_m, np.ones(len(places_m))]) @ h[2]
-    seen = map_plane(h, places_m)
-    slope: Array = (h[None, :2, :2] - seen[:, :, None] * h[None, 2:, :2]) / depth[:, None, None]
-    return slope

@@ -1,30 +1,40 @@
 """Plan of a flight: places of control points that reach a wanted uncertainty, and times without flicker."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.road import codes
 from radiometry.road.field import USUAL, Field, Rows, light_evenly, solve_field
 from radiometry.road.grid import GridPoint, lay_points
-from radiometry.road.observations import gather, make_rows
-from radiometry.road.reporting import find_judged
+from radiometry.road.observations import Sight, gather, make_rows
 from radiometry.road.results import ExposureTime, Plan, PlannedPoint
 from radiometry.road.rules import find_rule
-from radiometry.road.site import Reading, Road, Scale
+from radiometry.road.site import LANES, Meter, Road, Scale
 from radiometry.spectral.lamps import LampKind, find_modulation
 
 Array = NDArray[np.float64]
 
 MOST_POINTS, FEWEST_POINTS = 40, 4
 K95 = 2.0
-_METER_U, _POINT_U, _NOISE_U = 0.02, 0.03, 0.005
+_METER, _POINT_U, _NOISE_U = Meter(meter="", u_rel=0.02), 0.03, 0.005
 _TIMES = (125, 120, 100, 60, 50, 30, 25, 20, 15, 10, 8, 5, 4)
 # Readings around one point of the grid, and how far apart [m]
 _MOST_EACH, _APART_M = 3, 1.5
 _AVOIDED, _NEGLIGIBLE = 4, 1e-3
+
+
+def find_judged(road: Road, points: Sequence[GridPoint]) -> NDArray[np.intp]:
+    """Return the points of the part that the requirement judges."""
+    part = road.requirement.part
+    parts = {each.name for each in road.site.lanes} if part == LANES else {part}
+    judged = np.array([n for n, each in enumerate(points) if each.part in parts], np.intp)
+    if not len(judged):
+        raise codes.SITE_INVALID.refuse(f"The site has no {part}.")
+    return judged
 
 
 def weigh_figures(light: Array) -> dict[str, Array]:
@@ -36,21 +46,19 @@ def weigh_figures(light: Array) -> dict[str, Array]:
 class Outlook:
     """Covariance of ln E at judged points, and what further readings there would leave of it."""
 
-    def __init__(
-        self, field: Field, rows: Rows, judged: NDArray[np.intp], *, meter: str, meter_u: float
-    ) -> None:
+    def __init__(self, field: Field, rows: Rows, judged: NDArray[np.intp], meter: Meter) -> None:
         shared = np.concatenate([field.errors[source][judged] for source in rows.shared], axis=1)
         light = field.covariance[np.ix_(judged, judged)]
         self.covariance = np.block([[light, shared], [shared.T, field.levels[1]]])
-        names = [(source, n) for source, effect in rows.shared.items() for n in range(effect.shape[1])]
-        if meter in rows.meters:
-            of_meter = len(judged) + names.index(("meter", rows.meters.index(meter)))
+        levels = [(source, n) for source, effect in rows.shared.items() for n in range(effect.shape[1])]
+        of_meter = len(self.covariance)
+        if meter.meter in rows.meters:
+            of_meter = len(judged) + levels.index(("meter", rows.meters.index(meter.meter)))
         else:
-            of_meter = len(self.covariance)
             self.covariance = np.pad(self.covariance, (0, 1))
             self.covariance[of_meter, of_meter] = 1.0
         self.readings = np.eye(len(judged), len(self.covariance))
-        self.readings[:, of_meter] = meter_u
+        self.readings[:, of_meter] = meter.assumed_u_rel
         self.counts = np.zeros(len(judged), np.intp)
 
     def estimate_u(self, weights: Array) -> float:
@@ -68,14 +76,13 @@ class Outlook:
         self.covariance -= np.outer(seen[:, best], seen[:, best]) / variances[best]
         return best
 
-
-def count_points(outlook: Outlook, weights: Array, wanted_u: float) -> int | None:
-    """Return the number of further points that lower an uncertainty so far; None if 40 do not."""
-    for count in range(1, MOST_POINTS + 1):
-        outlook.add_best(weights)
-        if outlook.estimate_u(weights) <= wanted_u:
-            return count
-    return None
+    def foresee(self, weights: Array) -> Array:
+        """Return the standard uncertainty of a weighted sum of ln E after each of 40 further readings."""
+        found = []
+        for _ in range(MOST_POINTS):
+            self.add_best(weights)
+            found.append(self.estimate_u(weights))
+        return np.array(found)
 
 
 def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
@@ -96,10 +103,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
     judged = find_judged(road, points)
     xy = np.array([(each.x_m, each.y_m) for each in points])
     light = np.exp(light_evenly(xy, np.array(road.site.list_lamps()))[0])
-    rows, field = _foresee(road, points, dict(zip((p.name for p in points), light.tolist(), strict=True)))
-    meter = next(iter(road.meters), None)
-    u = _METER_U if meter is None else meter.assumed_u_rel
-    outlook = Outlook(field, rows, judged, meter=meter.meter if meter else "", meter_u=u)
+    outlook = Outlook(*_foresee(road, points, light), judged, next(iter(road.meters), _METER))
     weights = weigh_figures(light[judged])
     wanted = {"e_av": e_av_u_rel / K95, "u_0": u_0_u_rel / K95}
     chosen: list[int] = []
@@ -109,18 +113,16 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
         if len(chosen) >= FEWEST_POINTS and (is_reached or len(chosen) >= MOST_POINTS):
             break
         chosen.append(outlook.add_best(weights[max(missing, key=lambda name: missing[name])]))
-    reached = {name: K95 * outlook.estimate_u(weights[name]) for name in wanted}
+    reached = {f"{name}_u_rel": K95 * outlook.estimate_u(weights[name]) for name in wanted}
     chosen.append(outlook.add_best(weights["e_av"]))
-    spare = _place(points[judged[chosen[-1]]], chosen[:-1].count(chosen[-1]))
-    placed = sorted(_place(points[judged[n]], chosen[:at].count(n)) for at, n in enumerate(chosen[:-1]))
+    *places, spare = (_place(points[judged[n]], chosen[:at].count(n)) for at, n in enumerate(chosen))
     times = list_times(road.conditions.mains_frequency_hz, road.conditions.lamp_kind)
     return Plan(
         points=tuple(
             PlannedPoint(name=f"P{n}", x_m=x, y_m=y, is_spare=n == len(chosen))
-            for n, (x, y) in enumerate([*placed, spare], start=1)
+            for n, (x, y) in enumerate([*sorted(places), spare], start=1)
         ),
-        e_av_u_rel=reached["e_av"],
-        u_0_u_rel=reached["u_0"],
+        **reached,
         is_reached=is_reached,
         times=tuple(sorted((e for e in times if e.error_rel <= _NEGLIGIBLE), key=lambda each: each.time_s)),
         avoid=tuple(each for each in times if each.error_rel > _NEGLIGIBLE)[:_AVOIDED],
@@ -139,23 +141,24 @@ def list_times(mains_hz: float | None, kind: LampKind | None) -> tuple[ExposureT
     is not stated.
     """
     depth = find_modulation(kind, None)[1]
-    mains = (50.0, 60.0) if mains_hz is None else (mains_hz,)
-    found = []
-    for each in _TIMES:
-        turns = [2.0 * math.pi * hz / each for hz in mains]
-        error = max(depth * abs(math.sin(turn)) / turn if turn else 0.0 for turn in turns)
-        found.append(ExposureTime(time_s=1.0 / each, error_rel=error))
+    turns = 2.0 * np.divide.outer([50.0, 60.0] if mains_hz is None else [mains_hz], _TIMES)
+    errors = depth * np.where(turns > 0.0, np.abs(np.sinc(turns)), 0.0).max(axis=0)
+    found = [ExposureTime(time_s=1 / n, error_rel=e) for n, e in zip(_TIMES, errors.tolist(), strict=True)]
     return tuple(sorted(found, key=lambda each: -each.error_rel))
 
 
-def _foresee(road: Road, points: Sequence[GridPoint], light: Mapping[str, float]) -> tuple[Rows, Field]:
+def _foresee(road: Road, points: Sequence[GridPoint], light: Array) -> tuple[Field, Rows]:
     """Solve for a road without readings, seen once."""
-    bare = replace(road, control=(), hidden=())
-    seen = [
-        Reading(place=n, frame="", luminance_cd_m2=e, u_rel=_NOISE_U, view_deg=0.0, place_u_m=0.0)
-        for n, e in light.items()
-    ]
-    places = gather(bare, points, seen)
+    bare, none = replace(road, control=(), hidden=()), np.zeros((1, len(light)))
+    sight = Sight(
+        luminance_cd_m2=light[None],
+        u_rel=none + _NOISE_U,
+        view_deg=none,
+        off_axis_deg=none,
+        place_u_m=none,
+        red_over_green=none + np.nan,
+    )
+    places = gather(bare, points, sight)
     rows = make_rows(bare, places, Scale(u_rel=0.025))
     model = replace(USUAL, patches_rel=road.conditions.patches_u_rel)
-    return rows, solve_field(places.ground, rows, model)
+    return solve_field(places.ground, rows, model), rows

@@ -19,12 +19,16 @@ class FigureResult(Record):
     standard_uncertainty: float = about("Standard uncertainty.")
     low: float = about("Lower end of the interval that has the figure with 95 %.")
     high: float = about("Upper end of it.")
+    expanded_uncertainty: float = about("Half of that interval.")
     unit: str = about('"lx", "1", or "mW/(lx*m2)".')
 
-    @property
-    def expanded_uncertainty(self) -> float:
-        """Half of the interval of 95 %."""
-        return (self.high - self.low) / 2.0
+
+class Prospect(Record):
+    """What further control points are expected to make of a figure, should its value stay."""
+
+    points: int = about("Further control points, read once each with the meter of the last.")
+    expanded_uncertainty: float = about("Expanded uncertainty of the figure with them.")
+    is_decided: bool = about("True if that would decide it.")
 
 
 class CriterionResult(Criterion):
@@ -40,6 +44,7 @@ class CriterionResult(Criterion):
         "Further control points that are expected to reach it; None if it is decided, or if no number does.",
         default=None,
     )
+    prospects: tuple[Prospect, ...] = about("What would decide it; none if it is decided.", default=())
 
 
 class ClassResult(Record):

@@ -1,8 +1,10 @@
 """Rules for roads: classes and grids, as dated data that a requirement confirms or replaces."""
 
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from radiometry.records import Record, about
 from radiometry.road import codes
@@ -41,16 +43,16 @@ def list_rules() -> tuple[Rule, ...]:
     """Return the rules of the library."""
     stated = tomllib.loads(files(__package__).joinpath("rules.toml").read_text("utf-8"))
     return tuple(
-        Rule(
-            **{name: each[name] for name in ("name", "date", "source", "read")},
-            grid=GridRule(**each["grid"]),
-            classes=tuple(
-                RoadClass(name=name, criteria=tuple(_read_criterion(*row) for row in rows))
-                for name, rows in each["classes"].items()
-            ),
-        )
+        Rule(**each | {"grid": GridRule(**each["grid"]), "classes": tuple(_read_classes(each["classes"]))})
         for each in stated["rule"]
     )
+
+
+def _read_classes(stated: dict[str, list[list[Any]]]) -> Iterator[RoadClass]:
+    for name, rows in stated.items():
+        limits = ((figure, *(None if each == "" else float(each) for each in ends)) for figure, *ends in rows)
+        criteria = (Criterion(figure=figure, at_least=low, at_most=high) for figure, low, high in limits)
+        yield RoadClass(name=name, criteria=tuple(criteria))
 
 
 def find_rule(name: str) -> Rule:
@@ -81,8 +83,3 @@ def find_criteria(requirement: Requirement) -> tuple[Criterion, ...]:
         if each.name == requirement.road_class:
             return each.criteria
     raise codes.ROAD_RULE_UNKNOWN.refuse(f"{requirement.rule} has no class {requirement.road_class!r}.")
-
-
-def _read_criterion(figure: str, at_least: float | str, at_most: float | str) -> Criterion:
-    low, high = (None if limit == "" else float(limit) for limit in (at_least, at_most))
-    return Criterion(figure=figure, at_least=low, at_most=high)  # type: ignore[arg-type]

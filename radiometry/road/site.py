@@ -1,7 +1,11 @@
 """A road as a person states it: site, requirement, conditions, meters and control points."""
 
 import math
+from collections.abc import Collection
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import Acceptance
 from radiometry.records import Record, about, later
@@ -10,9 +14,11 @@ from radiometry.spectral.lamps import LampKind
 Kind = Literal["lane", "walkway", "edge"]
 Surface = Literal["dry", "moist", "wet"]
 Quantity = Literal["illuminance", "luminance"]
+Unit = Literal["lx", "fc", "cd/m2", "fL"]
 Figure = Literal["e_av", "e_min", "u_0", "average_to_min", "eir", "l_av", "u_o", "u_l", "f_ti"]
 
 LANES = "lanes"
+SI = {"lx": 1.0, "fc": 10.763910416709722, "cd/m2": 1.0, "fL": 3.4262590996353905}
 UNCERTIFIED_U = 0.05
 """Relative standard uncertainty of a meter without a certificate."""
 
@@ -98,6 +104,15 @@ class Site(Record):
         surfaces |= {each.name: each.surface for each in self.areas}
         return surfaces.get(part) or self.lanes[0].surface
 
+    def measure_area(self, parts: Collection[str]) -> float:
+        """Return the area of strips, over the field, and of areas [m2]."""
+        low, high = self.field_m
+        area = sum((high - low) * each.width_m for each in self.strips if each.name in parts)
+        for each in self.areas:
+            (x, y), (x1, y1) = np.array(each.corners_m).T, np.roll(each.corners_m, -1, axis=0).T
+            area += abs(float(np.sum(x * y1 - x1 * y))) / 2.0 if each.name in parts else 0.0
+        return area
+
 
 class Criterion(Record):
     """One requirement on one figure."""
@@ -161,7 +176,8 @@ class Conditions(Record):
 class Meter(Record):
     """An illuminance or luminance meter at the control points."""
 
-    meter: str = about("Identity; the same as behind K if it is the same instrument.")
+    meter_id: str | None = about("Its id; None of one behind K alone.", default=None)
+    meter: str = about("Make, model and serial number; the same as behind K if it is the same instrument.")
     u_rel: float | None = about("Relative standard uncertainty by its certificate; None without one.")
     certificate: str | None = later("Number of its certificate.")
 
@@ -173,27 +189,33 @@ class Meter(Record):
 class ControlPoint(Record):
     """Readings of a meter at one place on the road."""
 
-    name: str = about("Name, unique on the road.")
-    x_m: float = about("Place along the road [m].")
-    y_m: float = about("Place across [m].")
-    quantity: Quantity = about('"illuminance" [lx], or "luminance" [cd/m2] from straight above.')
+    name: str = about("Unique on the road.")
+    x_m: float = about("Place along the road.", within=PLACES_M)
+    y_m: float = about("Place across, from the kerb.", within=PLACES_M)
+    quantity: Quantity = about("`luminance` is read from straight above.")
+    unit: Unit = about("Of the readings.")
     values: tuple[float, ...] = about("Readings, repeated ones as often as they were taken.")
-    meter: str = about("Identity of the meter.")
-    part: str = about("Lane, walkway or area on which it lies; the nearest if empty.", default="")
+    meter_id: str | None = about("The meter; without it, without a certificate.", default=None)
+    part: str | None = about("Lane, walkway or area on which it lies; else the nearest.", default=None)
     taken_at: str | None = about("RFC 3339.", default=None)
     left_out: str | None = about("Reason why a person left it out.", default=None)
-    u_rel: float = about("Relative standard uncertainty of a reading: level, place, repeat.", default=0.03)
+    u_rel: float = about(
+        "Relative standard uncertainty of one reading: level, place, repeat.", default=0.03, within=SHARES
+    )
+
+    @property
+    def ln_values(self) -> NDArray[np.float64]:
+        """Of the readings in lx or cd/m2."""
+        return np.log(SI[self.unit] * np.array(self.values))
 
     @property
     def ln_mean(self) -> float:
-        return sum(map(math.log, self.values)) / len(self.values)
+        return float(self.ln_values.mean())
 
     @property
     def own_u(self) -> float:
         """Relative standard uncertainty of the mean; not below what the readings scatter."""
-        count = len(self.values)
-        squares = sum((math.log(value) - self.ln_mean) ** 2 for value in self.values)
-        return max(self.u_rel, math.sqrt(squares / (count - 1) / count) if count > 1 else 0.0)
+        return max(self.u_rel, float(self.ln_values.std()) / math.sqrt(max(len(self.values) - 1, 1)))
 
 
 class Road(Record):
@@ -208,18 +230,10 @@ class Road(Record):
         "Names of grid points that a car or a tree hides, as a person marked them.", default=()
     )
 
-
-class Reading(Record):
-    """Luminance of one grid or control point in one frame."""
-
-    place: str  #: Name of the grid point or control point
-    frame: str
-    luminance_cd_m2: float  #: Mean about the place, over what lamps that shine alike make of it there
-    u_rel: float  #: Relative standard uncertainty of this reading's own noise
-    view_deg: float  #: Angle between the view and the vertical
-    place_u_m: float  #: Standard uncertainty of its place on the road
-    colour: tuple[float, float] | None = None  #: R/G and B/G above dark
-    off_axis_deg: float = 0.0  #: Angle between the view and the lens's axis
+    def find_meter(self, point: ControlPoint) -> Meter:
+        """Return the meter of a control point; without a certificate if it is not among the road's."""
+        known = {each.meter_id: each for each in self.meters}
+        return known.get(point.meter_id) or Meter(meter=point.meter_id or "meter without name", u_rel=None)
 
 
 class Scale(Record):
@@ -230,7 +244,6 @@ class Scale(Record):
     meter: Meter | None = None  #: Behind K
     spectral_u_rel: float = 0.1  #: Relative standard uncertainty of the spectral mismatch
     lamp_kind: LampKind | None = None  #: Of the lamp that K was made with
-    frame_u_rel: float = 0.0  #: Scatter of a frame's luminances as a whole, each on its own
     falls_off: bool = False  #: True where the falloff of the lens is not corrected
 
     @property

@@ -144,13 +144,9 @@ def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
 
 
 @router.get("/plots/roads/{road_id}/{number}")
-def show_road_map(
-    road_id: Id, number: int, caller: auth.Reader, context: UsesContext, layers: Text, *, upright: bool
-) -> Response:
+def show_road_map(row: roads.UsesResult, context: UsesContext, layers: Text, *, upright: bool) -> Response:
     """Answer the map of an evaluation with its lanes and points; upright as one walks it."""
-    with context.database.reading() as session:
-        row = roads.find_result(session, road_id, number, caller)
-        result = roads.answer_result(session, row).dump()
+    result = roads.answer_result(context, row).dump()
     if row.map_png_sha256 is None:
         return Response(status_code=204)
     png = b"".join(context.files.open(row.map_png_sha256)[1])

@@ -1,4 +1,4 @@
-"""A road drawn from above as SVG: its map with lanes, grid and points, and where to read on a plan card."""
+"""A road drawn from above as SVG: its map with lanes, grid and points."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,10 +16,11 @@ Place = tuple[float, float]
 _LONG_PX: Final = 900.0
 _LABEL_PX: Final = 12
 _STYLE: Final = (
-    'font-family="sans-serif" font-weight="600" text-anchor="middle" '
-    'paint-order="stroke" stroke-linejoin="round"'
+    f'font-size="{_LABEL_PX}" font-family="sans-serif" font-weight="600" text-anchor="middle" '
+    'paint-order="stroke" stroke-linejoin="round" fill="#ffffff" stroke="#10141a" stroke-width="3"'
 )
-_LIGHT: Final = 'fill="#ffffff" stroke="#10141a" stroke-width="3"'
+_DOT: Final = 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"'
+_CROSS: Final = ('stroke="#10141a" stroke-width="2.5"', 'stroke="#ffffff" stroke-width="1"')
 
 
 class Canvas:
@@ -45,13 +46,17 @@ class Canvas:
         x, y = self.place(*place)
         self.parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" {style}/>')
 
-    def text(
-        self, place: Place, words: str, style: str = _LIGHT, *, dy: float = 4.0, size: int = _LABEL_PX
-    ) -> None:
+    def sign(self, place: Place, path: str, style: str) -> None:
         x, y = self.place(*place)
-        self.parts.append(
-            f'<text x="{x:.1f}" y="{y + dy:.1f}" font-size="{size}" {_STYLE} {style}>{escape(words)}</text>'
-        )
+        self.parts.append(f'<path d="M{x:.1f} {y:.1f}{path}" {style}/>')
+
+    def text(self, place: Place, words: str, *, dy: float = 4.0) -> None:
+        x, y = self.place(*place)
+        self.parts.append(f'<text x="{x:.1f}" y="{y + dy:.1f}" {_STYLE}>{escape(words)}</text>')
+
+    def length(self, x_m: Place, y_m: float, words: str) -> None:
+        self.line([(x_m[0], y_m), (x_m[1], y_m)], 'stroke="#ffffff" stroke-width="2"')
+        self.text((sum(x_m) / 2.0, y_m), words)
 
     def picture(self, png: bytes) -> None:
         data = base64.b64encode(png).decode()
@@ -74,52 +79,19 @@ def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequ
     canvas = Canvas(extent["x_m"], extent["y_m"], is_upright=is_upright)
     if "e" in shown:
         canvas.picture(png)
-    _draw_site(canvas, site, extent, 'stroke="#ffffff" stroke-width="1.5"')
-    _draw_lengths(canvas, site, extent)
+    _draw_site(canvas, site, extent)
     points = {each["name"]: each for each in result["points"]}
     if "isolux" in shown:
         judged = [each for each in result["criteria"] if each["figure"] in ("e_av", "e_min")]
         _draw_isolux(canvas, result, [each["at_least"] for each in judged if "at_least" in each])
     if "grid" in shown:
-        for each in points.values():
-            mark = 'stroke="#10141a" stroke-width="2.5"', 'stroke="#ffffff" stroke-width="1"'
-            for style in mark if not each["is_hidden"] else ():
-                _draw_cross(canvas, (each["x_m"], each["y_m"]), 3.0, style)
+        for each in result["points"]:
+            for style in () if each["is_hidden"] else _CROSS:
+                canvas.sign((each["x_m"], each["y_m"]), "m-3 0h6m-3 -3v6", style)
     lowest = points[result["minimum"]]
     canvas.circle((lowest["x_m"], lowest["y_m"]), 11, 'fill="none" stroke="#3fd0ff" stroke-width="2.5"')
     if "points" in shown:
         _draw_control(canvas, site, extent, result["control"])
-    return canvas.finish()
-
-
-def draw_plan(site: Node, points: Sequence[Node]) -> str:
-    """Draw where to read, in one colour: poles, kerb, lanes and numbered points with their distances."""
-    first = site["rows"][0]
-    start = first.get("first_x_m", 0.0)
-    x_m = start - 3.0, start + first["spacing_m"] + 3.0
-    edges = _find_edges(site, "lane") or [
-        min(p["y_m"] for p in points) - 1,
-        max(p["y_m"] for p in points) + 1,
-    ]
-    y_m = min(edges[0], first["y_m"]) - 3.0, edges[-1] + 5.0
-    canvas, ink = Canvas(x_m, y_m), 'fill="#000000"'
-    for edge in edges:
-        dashed = 'stroke-dasharray="24 16"' if edge not in (edges[0], edges[-1]) else ""
-        canvas.line([(x_m[0], edge), (x_m[1], edge)], f'stroke="#000000" stroke-width="3" {dashed}')
-    for name, at in zip("AB", (start, start + first["spacing_m"]), strict=True):
-        canvas.line([(at, first["y_m"]), (at, edges[0] + 0.5)], 'stroke="#000000" stroke-width="3"')
-        canvas.circle((at, first["y_m"]), 9, ink)
-        canvas.text((at, first["y_m"]), f"Pole {name}", ink, dy=-18, size=22)
-    middle = start + first["spacing_m"] / 2.0
-    canvas.text((middle, first["y_m"]), f"{first['spacing_m']:.1f} m", ink, dy=-18, size=22)
-    for number, each in enumerate(sorted(points, key=lambda point: point["x_m"])):
-        place, low = (each["x_m"], each["y_m"]), edges[-1] + 1.2 + 1.5 * (number % 2)
-        canvas.line(
-            [place, (each["x_m"], low - 0.7)], 'stroke="#000000" stroke-width="1.5" stroke-dasharray="4 4"'
-        )
-        canvas.circle(place, 17, 'fill="#ffffff" stroke="#000000" stroke-width="3"')
-        canvas.text(place, each["name"], ink, dy=7, size=20)
-        canvas.text((each["x_m"], low), f"{each['x_m'] - start:.1f} m", ink, dy=6, size=20)
     return canvas.finish()
 
 
@@ -128,37 +100,29 @@ def _find_edges(site: Node, *kinds: str) -> list[float]:
     return sorted({at for each in strips for at in (each["y_m"], each["y_m"] + each["width_m"])})
 
 
-def _draw_site(canvas: Canvas, site: Node, extent: Node, style: str) -> None:
-    edges = _find_edges(site, "lane")
+def _draw_site(canvas: Canvas, site: Node, extent: Node) -> None:
+    """Draw edges, areas, field and luminaires; name the strips before the field, and show S and 10 m."""
+    style, edges = 'stroke="#ffffff" stroke-width="1.5"', _find_edges(site, "lane")
+    start, spacing = site["rows"][0].get("first_x_m", 0.0), site["rows"][0]["spacing_m"]
+    end = start + spacing
     for at in edges + _find_edges(site, "walkway", "edge"):
         dashed = at in edges[1:-1] or at not in edges
         canvas.line([(x, at) for x in extent["x_m"]], style + (' stroke-dasharray="10 7"' if dashed else ""))
     for area in site.get("areas", ()):
         canvas.line([*area["corners_m"], area["corners_m"][0]], style)
-    first = site["rows"][0]
-    start = first.get("first_x_m", 0.0)
-    end = start + first["spacing_m"]
     if edges:
         low, high = edges[0], edges[-1]
         corners = [(start, low), (end, low), (end, high), (start, high), (start, low)]
         canvas.line(corners, 'stroke="#3fd0ff" stroke-width="2"')
     for row in site["rows"]:
         for at in np.arange(row.get("first_x_m", 0.0), end + 0.1, row["spacing_m"]).tolist():
-            canvas.circle((at, row["y_m"]), 5, 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"')
-
-
-def _draw_lengths(canvas: Canvas, site: Node, extent: Node) -> None:
-    """Name the strips before the field, and draw S and 10 m."""
-    first, style = site["rows"][0], 'stroke="#ffffff" stroke-width="2"'
-    start, spacing, (y0, y1) = first.get("first_x_m", 0.0), first["spacing_m"], extent["y_m"]
+            canvas.circle((at, row["y_m"]), 5, _DOT)
     for strip in site.get("strips", ()):
         named = f"Lane {strip['name']}" if strip["kind"] == "lane" else strip["name"]
         canvas.text((start - 2.5, strip["y_m"] + strip["width_m"] / 2.0), named)
-    canvas.line([(start, y0 + 1.0), (start + spacing, y0 + 1.0)], style)
-    canvas.text((start + spacing / 2.0, y0 + 1.0), f"S = {spacing:g} m")
-    end = extent["x_m"][1] - 1.0
-    canvas.line([(end - 10.0, y1 - 1.0), (end, y1 - 1.0)], style)
-    canvas.text((end - 5.0, y1 - 1.0), "10 m")
+    (y0, y1), far = extent["y_m"], extent["x_m"][1] - 1.0
+    canvas.length((start, end), y0 + 1.0, f"S = {spacing:g} m")
+    canvas.length((far - 10.0, far), y1 - 1.0, "10 m")
 
 
 def _draw_isolux(canvas: Canvas, result: Node, limits: Sequence[float]) -> None:
@@ -180,12 +144,6 @@ def _draw_isolux(canvas: Canvas, result: Node, limits: Sequence[float]) -> None:
             canvas.line(np.transpose(places).tolist(), style)
 
 
-def _draw_cross(canvas: Canvas, place: Place, reach_px: float, style: str) -> None:
-    x, y = canvas.place(*place)
-    path = f"M{x - reach_px:.1f} {y:.1f}h{2 * reach_px:.1f}M{x:.1f} {y - reach_px:.1f}v{2 * reach_px:.1f}"
-    canvas.parts.append(f'<path d="{path}" {style}/>')
-
-
 def _draw_control(canvas: Canvas, site: Node, extent: Node, control: Sequence[Mapping[str, Any]]) -> None:
     """Draw each control point with its reading beside the road; a wrong one as a square, with both values."""
     across = _find_edges(site, "lane", "walkway", "edge")
@@ -198,14 +156,11 @@ def _draw_control(canvas: Canvas, site: Node, extent: Node, control: Sequence[Ma
         for number, words in enumerate(list_labels(each)):
             canvas.text((each["x_m"], beside), words, dy=4.0 + number * (_LABEL_PX + 2))
         if each["state"] == "agrees":
-            canvas.circle(place, 5, 'fill="#ffffff" stroke="#10141a" stroke-width="1.5"')
+            canvas.circle(place, 5, _DOT)
         else:
-            x, y = canvas.place(*place)
-            canvas.parts.append(
-                f'<rect x="{x - 7:.1f}" y="{y - 7:.1f}" width="14" height="14" rx="2" fill="#ffffff" '
-                'stroke="#a3261f" stroke-width="2"/>'
-                f'<path d="M{x - 3.5:.1f} {y - 3.5:.1f}l7 7m0 -7l-7 7" stroke="#a3261f" stroke-width="2"/>'
-            )
+            red = 'stroke="#a3261f" stroke-width="2"'
+            canvas.sign(place, "m-7 -7h14v14h-14z", f'fill="#ffffff" {red}')
+            canvas.sign(place, "m-3.5 -3.5l7 7m0 -7l-7 7", red)
 
 
 def list_labels(point: Mapping[str, Any]) -> Iterator[str]:

@@ -14,7 +14,6 @@ from radiometry.road import geojson, rules, site
 from radiometry.road.grid import lay_points
 from radiometry.road.plan import plan_points
 from radiometry.road.results import Plan
-from radiometry.road.results import RoadResult as Evaluated
 from service.frames.routes import require_header
 from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.context import Context, UsesContext
@@ -49,6 +48,19 @@ _CONTENT: Final = {
 
 router = operations.Router(prefix="/v1/roads", tags=["roads"])
 rules_router = operations.Router(prefix="/v1", tags=["roads"])
+
+
+def find_result(road_id: lookup.Id, number: Number, caller: auth.Reader, context: UsesContext) -> RoadResult:
+    """Return an evaluation of a road of the caller's."""
+    with context.database.reading() as session:
+        row = lookup.owned(session, Road, road_id, caller)
+        found = session.scalar(select(RoadResult).filter_by(road_id=row.id, number=number))
+    if found is None:
+        raise Problem(interface.NOT_FOUND, f"This road has no evaluation {number}.")
+    return found
+
+
+UsesResult = Annotated[RoadResult, Depends(find_result)]
 
 
 @rules_router.get("/road-rules", response_model=schemas.RoadRules)
@@ -95,7 +107,12 @@ def change_road(
     road_id: lookup.Id, body: schemas.RoadChange, caller: auth.Calibrator, writing: changes.Writes
 ) -> Response:
     """Correct a road. Evaluations that exist stay as they are."""
+    return _change(road_id, body, caller, writing)
 
+
+def _change(
+    road_id: str, body: schemas.RoadChange, caller: auth.Caller, writing: changes.Writing
+) -> Response:
     def change(session: Session) -> changes.Reply:
         row = lookup.owned(session, Road, road_id, caller, for_update=True)
         return changes.Reply(status=200, body=_write(session, row, body, caller))
@@ -121,12 +138,7 @@ def put_road_site(
         stated = schemas.RoadChange.model_validate({"site": read})
     except ValidationError as error:
         raise invalid(located(error, "body")) from None
-
-    def change(session: Session) -> changes.Reply:
-        row = lookup.owned(session, Road, road_id, caller, for_update=True)
-        return changes.Reply(status=200, body=_write(session, row, stated, caller))
-
-    return writing.run(caller, change)
+    return _change(road_id, stated, caller, writing)
 
 
 async def _read_points(request: Request) -> list[schemas.RoadPoint]:
@@ -233,45 +245,30 @@ def evaluate_road(road_id: lookup.Id, caller: auth.Uploader, writing: changes.Wr
 
 
 @router.get("/{road_id}/results/{number}", **answers.sends(schemas.RoadResultAnswer))
-def get_road_result(
-    road_id: lookup.Id, number: Number, request: Request, caller: auth.Reader, context: UsesContext
-) -> Response:
+def get_road_result(row: UsesResult, request: Request, context: UsesContext) -> Response:
     """One evaluation: figures with their intervals, verdicts, points, control points and flags."""
-    with context.database.reading() as session:
-        answer = answer_result(session, find_result(session, road_id, number, caller))
+    answer = answer_result(context, row)
     # the state and the certificate of a version may have changed since
     headers = answers.standing_headers(hashlib.sha256(answer.model_dump_json().encode()).hexdigest())
     return answers.not_modified(request, headers["ETag"].strip('"'), headers) or answer.respond(headers)
 
 
 @router.get("/{road_id}/results/{number}/points.csv", **answers.sends_file("text/csv"))
-def get_road_points_csv(
-    road_id: lookup.Id, number: Number, caller: auth.Reader, context: UsesContext
-) -> Response:
+def get_road_points_csv(row: UsesResult) -> Response:
     """The points of the grid, a line each: place, illuminance and its relative standard uncertainty."""
-    with context.database.reading() as session:
-        row = find_result(session, road_id, number, caller)
     return Response(tables.write_csv(row.result["points"]), media_type="text/csv; charset=utf-8")
 
 
 @router.get("/{road_id}/results/{number}/points.geojson", **answers.sends_file(GeoJson.media_type))
-def get_road_points_geojson(
-    road_id: lookup.Id, number: Number, caller: auth.Reader, context: UsesContext
-) -> Response:
+def get_road_points_geojson(row: UsesResult) -> Response:
     """Grid points and control points as GeoJSON: in degrees if the site has an origin, else in metres."""
-    with context.database.reading() as session:
-        row = find_result(session, road_id, number, caller)
-    stated = decode(site.Site, row.inputs["road"]["site"])
-    return GeoJson(drop_absent(geojson.write_points(stated, decode(Evaluated, row.result))))
+    stated, points = decode(site.Site, row.inputs["road"]["site"]), row.result["points"]
+    return GeoJson(drop_absent(geojson.write_points(stated, [*points, *row.result["control"]])))
 
 
 @router.get("/{road_id}/results/{number}/map.png", **answers.sends_stored_file("image/png"))
-def get_road_map(
-    road_id: lookup.Id, number: Number, request: Request, caller: auth.Reader, context: UsesContext
-) -> Response:
+def get_road_map(row: UsesResult, request: Request, context: UsesContext) -> Response:
     """The road from above in false colours of illuminance; `map` of the evaluation names what it shows."""
-    with context.database.reading() as session:
-        row = find_result(session, road_id, number, caller)
     if row.map_png_sha256 is None:
         raise Problem(interface.NOT_FOUND, "This evaluation has no map.")
     return answers.send_blob(request, context.files, row.map_png_sha256, "image/png", {})
@@ -285,26 +282,14 @@ def plan_road(
     context: UsesContext,
 ) -> Response:
     """Plan the control points and exposure times that are expected to reach these uncertainties."""
-    answer: models.Answer = schemas.RoadPlanAnswer.restate(make_plan(context, road_id, wanted, caller)[1])
+    answer: models.Answer = schemas.RoadPlanAnswer.restate(make_plan(context, road_id, wanted, caller))
     return answer.respond()
 
 
-def make_plan(
-    context: Context, road_id: str, wanted: schemas.WantedPlan, caller: auth.Caller
-) -> tuple[Road, Plan]:
-    """Return a road and its plan."""
+def make_plan(context: Context, road_id: str, wanted: schemas.WantedPlan, caller: auth.Caller) -> Plan:
     with context.database.reading() as session:
-        row = lookup.owned(session, Road, road_id, caller)
-        stated = _state_road(session, row)
-    return row, plan_points(stated, **wanted.model_dump())
-
-
-def find_result(session: Session, road_id: str, number: int, caller: auth.Caller) -> RoadResult:
-    row = lookup.owned(session, Road, road_id, caller)
-    found = session.scalar(select(RoadResult).filter_by(road_id=row.id, number=number))
-    if found is None:
-        raise Problem(interface.NOT_FOUND, f"This road has no evaluation {number}.")
-    return found
+        stated = _state_road(session, lookup.owned(session, Road, road_id, caller))
+    return plan_points(stated, **wanted.model_dump())
 
 
 def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:
@@ -325,23 +310,19 @@ def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:
     )
 
 
-def answer_result(session: Session, row: RoadResult) -> schemas.RoadResultAnswer:
+def answer_result(context: Context, row: RoadResult) -> schemas.RoadResultAnswer:
     own = f"/v1/roads/{row.road_id}/results/{row.number}"
-    figures = [
-        each | {"expanded_uncertainty": (each["high"] - each["low"]) / 2.0} for each in row.result["figures"]
-    ]
-    told = row.result | {"figures": figures, "stated": row.inputs["road"]}
-    told["criteria"] = drop_absent(row.result["criteria"])
+    told = drop_absent(row.result | {"stated": row.inputs["road"]})
+    with context.database.reading() as session:
+        name, frames = session.get_one(Road, row.road_id).name, _list_frames(session, row)
     answer: schemas.RoadResultAnswer = schemas.RoadResultAnswer.restate(
-        {"figures": figures},
-        row.result,
+        told,
         row,
         said=[words.tell_verdict(told), words.tell_why(told)],
-        name=session.get_one(Road, row.road_id).name,
+        name=name,
         findings=models.group_flags(row.result["flags"]),
-        stated=row.inputs["road"],
-        frames=_list_frames(session, row),
-        links={name: f"{own}/{name}" for name in ("points.csv", "points.geojson", "report.pdf", "map.png")},
+        frames=frames,
+        links={each: f"{own}/{each}" for each in ("points.csv", "points.geojson", "report.pdf", "map.png")},
     )
     return answer
 
@@ -392,29 +373,23 @@ def _write(session: Session, row: Road, body: schemas.RoadChange, caller: auth.C
 
 
 def _state_road(session: Session, row: Road) -> site.Road:
-    """Return the road with its control points in SI, and the meters behind them."""
-    meters: dict[str, site.Meter] = {}
-    control = []
-    for stored in row.points:
-        meter = _state_meter(session.get_one(Meter, stored["meter_id"]) if "meter_id" in stored else None)
-        meters[meter.meter] = meter
-        factor = schemas.SI[stored["unit"]]
-        stated = {name: each for name, each in stored.items() if name not in {"unit", "meter_id"}}
-        values = [factor * value for value in stored["values"]]
-        control.append(decode(site.ControlPoint, stated | {"values": values, "meter": meter.meter}))
+    """Return the road with its control points, and the meters behind them."""
+    named = dict.fromkeys(each["meter_id"] for each in row.points if "meter_id" in each)
     return site.Road(
         site=decode(site.Site, row.site),
         requirement=decode(site.Requirement, row.requirement),
         conditions=decode(site.Conditions, row.conditions),
-        control=tuple(control),
-        meters=tuple(meters.values()),
+        control=decode(tuple[site.ControlPoint, ...], row.points),
+        meters=tuple(_state_meter(session.get_one(Meter, each)) for each in named),
         hidden=tuple(row.hidden),
     )
 
 
-def _state_meter(row: Meter | None) -> site.Meter:
-    if row is None:
-        return site.Meter(meter="meter without name", u_rel=None)
+def _state_meter(row: Meter) -> site.Meter:
     u, k = row.certificate_expanded_uncertainty_rel, row.certificate_coverage_factor
-    name, number = f"{row.make} {row.model} {row.serial}", row.certificate_number
-    return site.Meter(meter=name, u_rel=u / k if u and k else None, certificate=number)
+    return site.Meter(
+        meter_id=row.id,
+        meter=f"{row.make} {row.model} {row.serial}",
+        u_rel=u / k if u and k else None,
+        certificate=row.certificate_number,
+    )

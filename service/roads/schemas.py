@@ -12,9 +12,7 @@ from store.tables import Road, RoadResult
 
 MOST_POINTS = 500
 MOST_FRAMES = 100
-SI = {"lx": 1.0, "fc": 10.763910416709722, "cd/m2": 1.0, "fL": 3.4262590996353905}
 _UNITS = {"illuminance": ("lx", "fc"), "luminance": ("cd/m2", "fL")}
-Metres = Annotated[Number, Field(ge=-10_000, le=10_000)]
 
 
 class NewSite(models.model_of(site.Site, Form)):  # type: ignore[misc]
@@ -55,24 +53,14 @@ class RoadFrame(Form, Answer):
     height_u_m: Annotated[Number, Field(gt=0, le=1e3)] | None = maybe("Its standard uncertainty.")
 
 
-class RoadPoint(Form, Answer):
+class RoadPoint(models.model_of(site.ControlPoint, Form), Answer):  # type: ignore[misc]
     """Readings of a meter at one place on the road."""
 
-    name: Text = told("Unique on the road.")
-    x_m: Metres = told("Place along the road.")
-    y_m: Metres = told("Place across, from the kerb.")
-    quantity: site.Quantity = told("`luminance` is read from straight above.")
-    unit: Literal["lx", "fc", "cd/m2", "fL"]
     values: list[Annotated[Number, Field(gt=0, le=1e7)]] = told(
         "Readings, repeated ones as often as they were taken.", min_length=1, max_length=9
     )
-    meter_id: Text | None = maybe("The meter; without it, without a certificate.")
-    part: Text | None = maybe("Lane, walkway or area on which it lies; else the nearest.")
     taken_at: Instant | None = None
     left_out: LongText | None = maybe("Reason why a person left it out.")
-    u_rel: Annotated[Number, Field(gt=0, lt=1)] = told(
-        "Relative standard uncertainty of one reading: level, place, repeat.", default=0.03
-    )
 
     @model_validator(mode="before")
     @classmethod
@@ -181,14 +169,8 @@ class RoadPlanAnswer(models.model_of(results.Plan, Answer)):  # type: ignore[mis
     """Control points and exposures for a flight."""
 
 
-class FigureAnswer(Answer, restates=results.FigureResult):
-    """A figure with its uncertainty."""
-
-    expanded_uncertainty: float = told("Half of the interval that has the figure with 95 %.")
-
-
 class StatedRoad(models.model_of(site.Road, Answer)):  # type: ignore[misc]
-    """All that was stated of a road when it was evaluated, readings in lx and cd/m2."""
+    """All that was stated of a road when it was evaluated."""
 
 
 class EvaluatedFrame(Answer):
@@ -229,7 +211,6 @@ class RoadResultAnswer(models.model_of(results.RoadResult, Answer)):  # type: ig
     name: str
     number: int
     said: list[str] = told("The verdict, and what was decided of each figure, in sentences.")
-    figures: list[FigureAnswer]
     findings: list[models.FindingGroupAnswer] = told("The flags, equal ones as one.")
     stated: StatedRoad
     frames: list[EvaluatedFrame]

@@ -43,6 +43,12 @@ def write_probability(share: float | None) -> str:
     return "> 99 %" if share > 0.99 else "< 1 %" if share < 0.01 else f"{share:.0%}".replace("%", " %")
 
 
+def write_prospect(criterion: Node, prospect: Node) -> tuple[str, str, str]:
+    """Return how many further control points, the expanded uncertainty with them, and what that decides."""
+    u = f"± {prospect['expanded_uncertainty']:.2g}{FIGURES[criterion['figure']][2]}"
+    return f"{prospect['points']} more", u, "decided" if prospect["is_decided"] else VERDICTS["not_decided"]
+
+
 def tell_verdict(result: Node) -> str:
     """Return the verdict in a sentence."""
     road_class = result["stated"]["requirement"]["road_class"]

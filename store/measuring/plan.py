@@ -220,6 +220,17 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
         raise shared.OPTION_NOT_OF_METHOD.reject(message)
 
 
+def require_lens(frame: FrameRow, calibration: Calibration, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
+    """Return the lens that a version corrects, which must be that of the frame; None without one."""
+    exposure, header = decode_exposure(frame.exposure or {}), frame.header or {}
+    coefficient = application.choose_coefficient(read_applied(calibration), iso=exposure.iso)
+    lens = read_lens(calibration, exposure)
+    if lens is not None:
+        channels = application.name_channels(header["cfa"], channel=coefficient.channel)
+        lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
+    return lens
+
+
 def _plan_surface(
     session: Session,
     frame: FrameRow,
@@ -229,11 +240,8 @@ def _plan_surface(
     asked: Asked,
 ) -> dict[str, Any]:
     coefficients, exposure = read_applied(calibration), decode_exposure(frame.exposure or {})
-    coefficient, header = application.choose_coefficient(coefficients, iso=exposure.iso), frame.header or {}
-    falloff, lens = find_falloff(session, calibration), read_lens(calibration, exposure)
-    if lens is not None:
-        channels = application.name_channels(header["cfa"], channel=coefficient.channel)
-        lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
+    header, lens = frame.header or {}, require_lens(frame, calibration, application)
+    falloff = find_falloff(session, calibration)
     plan = {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),

@@ -10,17 +10,16 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame.pose import GroundHeight, Pose, find_pose
 from radiometry.road import codes
-from radiometry.road.placing import NOMINAL_FOCAL_U, Mark, Placement, PlainCamera, place_by_pose, place_frame
-from radiometry.road.placing import Camera as LensCamera
+from radiometry.road.placing import NOMINAL_FOCAL_U, Lens, Mark, Placement, place_by_pose, place_frame
 from radiometry.road.site import Road as StatedRoad
 from radiometry.road.site import Site
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store import files, software
 from store.blobs import StoredBlob
-from store.codec import decode, decode_exposure, decode_header, encode, read_applied
-from store.measuring.plan import read_proof, require_read, require_whole
+from store.codec import decode, decode_header, encode, read_applied
+from store.measuring.plan import read_proof, require_lens, require_read, require_whole
 from store.measuring.record import describe_software
-from store.measuring.version import choose_version, find_falloff, read_lens
+from store.measuring.version import choose_version, find_falloff
 from store.publications import in_force
 from store.queries.frame_times import FrameClocks
 from store.tables import Calibration, Camera, Campaign, FrameRow, Json, Road, RoadResult
@@ -48,12 +47,8 @@ def _plan_frame(session: Session, clocks: FrameClocks, stated: Json, site: Site)
     if not isinstance(application, SurfaceApplication):
         raise shared.OPTION_NOT_OF_METHOD.reject(f"Frame {frame.filename} is not of a luminance campaign.")
     calibration, _, why = choose_version(session, frame, campaign, None)
-    exposure, header = decode_exposure(frame.exposure or {}), frame.header or {}
-    coefficient = application.choose_coefficient(read_applied(calibration), iso=exposure.iso)
-    falloff, lens = find_falloff(session, calibration), read_lens(calibration, exposure)
-    if lens is not None:
-        channels = application.name_channels(header["cfa"], channel=coefficient.channel)
-        lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
+    require_lens(frame, calibration, application)
+    falloff = find_falloff(session, calibration)
     return {
         "sha256": frame.sha256,
         "calibration_id": calibration.id,
@@ -81,9 +76,10 @@ def read_placement(
 ) -> Placement:
     """Place a frame by its marks, else by its own position, with the lens in force or one by its optics."""
     focal_px = named.get("focal_px", _USUAL_VIEW * width_px)
-    camera: LensCamera = PlainCamera(focal_px=focal_px, height_px=height_px, width_px=width_px)
+    camera = Lens.of_focal_length(focal_px, height_px=height_px, width_px=width_px)
     if geometry is not None:
-        camera = read_applied(geometry)
+        known = read_applied(geometry)
+        camera = Lens(known.matrix, known.distortion)
     if "marks" in named:
         return place_frame(decode(tuple[Mark, ...], named["marks"]), camera)
     assert site.origin is not None  # noqa: S101  the plan has seen it
@@ -109,20 +105,13 @@ def _find_geometry(
     session: Session, clocks: FrameClocks, frame: FrameRow, camera_id: str
 ) -> Calibration | None:
     """Return the one geometry of the camera in force when a frame of its size was taken."""
-    taken, header = clocks.find(frame), frame.header or {}
-    if taken is None:
+    if (taken := clocks.find(frame)) is None:
         return None
     spec = next(each for each in methods.METHODS if isinstance(each.application, PictureApplication))
     found = in_force(session, camera_id=camera_id, method=spec.name, at=taken.earliest, until=taken.latest)
-    fitting = [
-        held.calibration
-        for held in found
-        if held.holds(taken.earliest, taken.latest)
-        and all(
-            getattr(read_applied(held.calibration), name) == header[name]
-            for name in ("height_px", "width_px")
-        )
-    ]
+    known = [held.calibration for held in found if held.holds(taken.earliest, taken.latest)]
+    size = {name: (frame.header or {})[name] for name in ("height_px", "width_px")}
+    fitting = [each for each in known if size.items() <= vars(read_applied(each)).items()]
     return fitting[0] if len(fitting) == 1 else None
 
 

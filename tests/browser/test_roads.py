@@ -33,7 +33,7 @@ def road(team, tmp_path):
         yield stated
 
 
-def test_a_road_is_judged_on_its_page(page, road):
+def test_a_road_is_judged_on_its_page(page, team, road):
     page.goto("/measurements")
     settle(page)
     page.get_by_role("link", name="Roads").click()
@@ -58,10 +58,20 @@ def test_a_road_is_judged_on_its_page(page, road):
     expect(page.locator("#verdict")).not_to_contain_text("P3")
     page.get_by_label("Class").select_option("C1")
     expect(page.locator("#verdict")).to_contain_text("Does not conform against class C1")
+    expect(page.locator("#decide")).to_be_hidden()
+    with team.http() as http:
+        path = f"/v1/roads/{road['id']}"
+        found = http.get(http.get(path).json()["results"][-1]["link"]).json()["figures"]
+        limit = {
+            "figure": "e_av",
+            "at_least": next(each["value"] for each in found if each["figure"] == "e_av"),
+        }
+        http.patch(path, json={"requirement": road["requirement"] | {"criteria": [limit]}})
     page.get_by_role("button", name="Hidden points…").click()
     page.get_by_role("textbox", name="Points").fill("2/3-10, 2/3-9")
     page.get_by_role("dialog").get_by_role("button", name="Save").click()
     expect(page.locator("#map")).to_contain_text("58 of 60 points visible")
+    expect(page.locator("#prospects").get_by_role("row").last).to_contain_text("40 more")
     for name in ("Report (PDF)", "Plan card (PDF)"):
         address = page.get_by_role("link", name=name).get_attribute("href")
         assert page.request.get(address).body().startswith(b"%PDF")

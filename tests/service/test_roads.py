@@ -314,6 +314,23 @@ def test_points_map_and_papers_of_an_evaluation(house, evaluated):
         assert words in report[1], words
 
 
+def test_what_would_decide_a_verdict_is_answered_and_printed(house, evaluated):
+    """At a limit half a standard uncertainty below E_av: 69 % likely; a third of U would do."""
+    known = figures(evaluated)["e_av"]
+    limit = known["value"] - known["standard_uncertainty"] / 2
+    path, criteria = f"/v1/roads/{evaluated['road_id']}", [{"figure": "e_av", "at_least": limit}]
+    house.http.patch(path, json={"requirement": REQUIREMENT | {"criteria": criteria}})
+    result = evaluate(house, {"id": evaluated["road_id"]})
+    (judged,) = result["criteria"]
+    assert (result["verdict"], judged["probability"]) == ("not_decided", pytest.approx(0.69, abs=0.03))
+    assert judged["needed_u"] == pytest.approx(known["standard_uncertainty"] / 1.645, rel=0.05)
+    # the meter alone is 2 % of E_av: no number of points decides
+    assert [each["points"] for each in judged["prospects"]] == [4, 8, 16, 40]
+    assert {each["is_decided"] for each in judged["prospects"]} == {False}
+    assert judged["prospects"][-1]["expanded_uncertainty"] < known["expanded_uncertainty"]
+    assert "what would decide it" in read_pdf(house.http.get(result["links"]["report.pdf"]).content)[1]
+
+
 def test_a_site_goes_out_and_in_as_geojson(house, road):
     path = f"/v1/roads/{road['id']}"
     origin = {"longitude_deg": 10.0, "latitude_deg": 53.5, "bearing_deg": 90.0, "y_to_the_right": True}

@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -14,10 +14,11 @@ from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.methods import get_method
 from radiometry.records import Record
-from radiometry.road.observations import Cells
-from radiometry.road.placing import Placement
+from radiometry.road import codes
+from radiometry.road.grid import GridPoint
+from radiometry.road.observations import Sight, lay_cells
 from radiometry.road.results import RoadResult
-from radiometry.road.site import Meter, Reading, Scale, Site
+from radiometry.road.site import Meter, Road, Scale, Site
 from radiometry.specification.application import SurfaceApplication
 from radiometry.spectral import mismatch
 from store.codec import read_applied
@@ -61,45 +62,61 @@ def lay_view(site: Site) -> View:
     return View(x_m=x, y_m=y, places_m=places.reshape(-1, 2), shape=(len(across_m), len(along_m)))
 
 
-class Seen(Record):
-    """Readings of one frame, and its luminances over the view; NaN where it shows none."""
-
-    readings: tuple[Reading, ...]
-    above_cd_m2: Array
-
-
 class RoadReader:
     """Reads the frames of a road; what frames of one setting share is found once."""
 
-    def __init__(self, site: Site, cells: Cells, conditions: Any) -> None:  # noqa: ANN401
-        self._site, self._cells = site, cells
-        self._conditions = conditions
-        self.view = lay_view(site)
+    def __init__(self, road: Road, points: Sequence[GridPoint]) -> None:
+        self._site, self._cells, self.view = road.site, lay_cells(road, points), lay_view(road.site)
+        stated = {name: getattr(road.conditions, name) for name in ("lamp_kind", "mains_frequency_hz")}
+        self._conditions = {name: value for name, value in stated.items() if value is not None}
         self._measured: dict[Any, Any] = {}
-        self.scales: list[Scale] = []
+        self._scales: list[Scale] = []
+        self._rows: list[dict[str, Array]] = []
+        self.above_cd_m2: list[Array] = []
+        """Luminances over the view in each frame that shows a point; NaN where it shows none."""
 
-    def read(self, task: Task, geometry: Calibration | None) -> Seen:
+    def finish(self) -> tuple[Sight, Scale]:
+        """Return what all frames show, and the scale of the largest uncertainty."""
+        if not self._rows:
+            raise codes.ROAD_NOT_SEEN.refuse("No frame shows a point of the road.")
+        sight = Sight(**{name: np.stack([row[name] for row in self._rows]) for name in self._rows[0]})
+        widest = max(self._scales, key=lambda each: each.total_u_rel)
+        return sight, replace(widest, falls_off=any(each.falls_off for each in self._scales))
+
+    def read(self, task: Task, geometry: Calibration | None) -> None:
         """Read every point of the road that a frame shows whole."""
-        header = task.header
+        header, xy_m = task.header, self._cells.xy_m
         size = {"height_px": header.height_px, "width_px": header.width_px}
         placed = read_placement(task.parameters, geometry, self._site, **size)
-        outlines = placed.outline(self._cells.xy_m, self._cells.sides_m)
-        shown = {
-            i: each for i, each in enumerate(outlines) if _is_inside(each, header.width_px, header.height_px)
-        }
-        above = np.full(len(self.view.places_m), np.nan)
+        far = header.width_px, header.height_px
+        outlines = dict(enumerate(placed.outline(xy_m, self._cells.sides_m)))
+        shown = {n: each for n, each in outlines.items() if _is_inside(each, far)}
         if not shown:
-            return Seen(readings=(), above_cd_m2=above)
+            return
         pixels = np.floor(placed.to_image(self.view.places_m)).astype(np.intp)
-        within = np.all((pixels >= 0) & (pixels < (header.width_px, header.height_px)), axis=1)
-        spots = np.concatenate([pixels[within], *(np.array(each.points) for each in shown.values())])
-        window = _bound(spots, header.width_px, header.height_px)
+        within = np.all((pixels >= 0) & (pixels < far), axis=1)
+        window = _bound(
+            np.concatenate([pixels[within], *(np.array(each.points) for each in shown.values())]), far
+        )
         frame = task.decoders.read_window(task.file, (window.row0, window.col0, window.height, window.width))
         plane = self._convert(task, frame, list(shown.values())[len(shown) // 2])
         cols, rows = (pixels[within] - (window.col0, window.row0)).T
+        above = np.full(len(self.view.places_m), np.nan)
         above[within] = plane[rows, cols]
-        readings = list(self._read_places(task, frame, plane, shown, placed))
-        return Seen(readings=tuple(readings), above_cd_m2=above)
+        self.above_cd_m2.append(above)
+        read = np.full((3, len(xy_m)), np.nan)
+        for n, outline in shown.items():
+            read[:, n] = _read_cell(frame, plane, outline)
+        self._rows.append(
+            {
+                "luminance_cd_m2": read[0] / self._cells.brighter,
+                "u_rel": read[1],
+                "red_over_green": read[2],
+                "view_deg": placed.find_views(xy_m),
+                "off_axis_deg": placed.find_off_axis(xy_m),
+                "place_u_m": placed.estimate_u_m(xy_m),
+            }
+        )
 
     def _convert(self, task: Task, frame: Frame, middle: Polygon) -> NDArray[np.float32]:
         """Convert a window to luminances, with the corrections of the first frame of these settings."""
@@ -110,7 +127,7 @@ class RoadReader:
             stated = {"polygon": [list(corner) for corner in middle.points], "conditions": self._conditions}
             measured = surface.measure_region(replace(task, parameters=task.parameters | stated), application)
             self._measured[key] = measured
-            self.scales.append(_find_scale(task, application, measured))
+            self._scales.append(_find_scale(task, application, measured))
         scale = application.find_map_scale(
             read_applied(task.calibration),
             task.exposure,
@@ -119,42 +136,6 @@ class RoadReader:
         )
         plane: NDArray[np.float32] = application.compute_map(frame, scale)
         return plane
-
-    def _read_places(
-        self,
-        task: Task,
-        frame: Frame,
-        plane: NDArray[np.float32],
-        shown: Mapping[int, Polygon],
-        placed: Placement,
-    ) -> Any:  # noqa: ANN401  a generator
-        off_axis = placed.find_off_axis(self._cells.xy_m)
-        views, places_u_m = placed.find_views(self._cells.xy_m), placed.estimate_u_m(self._cells.xy_m)
-        for i, outline in shown.items():
-            part = bounding_window(outline, height_px=frame.height_px, width_px=frame.width_px)
-            row0, col0 = part.row0 - frame.row0, part.col0 - frame.col0
-            cut = slice(row0, row0 + part.height), slice(col0, col0 + part.width)
-            inside = mask(outline, part)
-            values = plane[cut][inside].astype(np.float64)
-            known = values[np.isfinite(values)]
-            if len(known) < _LEAST_KNOWN * len(values) or not (mean := float(known.mean())) > 0.0:
-                continue
-            yield Reading(
-                place=self._cells.names[i],
-                frame=task.frame.id,
-                luminance_cd_m2=mean / float(self._cells.brighter[i]),
-                u_rel=float(known.std()) / math.sqrt(len(known)) / mean,
-                view_deg=float(views[i]),
-                place_u_m=float(places_u_m[i]),
-                colour=_read_colour(frame, cut, inside),
-                off_axis_deg=float(off_axis[i]),
-            )
-
-
-def choose_scale(scales: Sequence[Scale]) -> Scale:
-    """Return the scale of the largest uncertainty."""
-    widest = max(scales, key=lambda each: each.total_u_rel)
-    return replace(widest, falls_off=any(each.falls_off for each in scales))
 
 
 def draw_road(view: View, luminances: Sequence[Array], result: RoadResult) -> tuple[bytes, dict[str, Any]]:
@@ -193,35 +174,36 @@ def _find_scale(task: Task, application: SurfaceApplication, measured: Any) -> S
     )
 
 
-def _is_inside(outline: Polygon, width_px: int, height_px: int) -> bool:
+def _is_inside(outline: Polygon, far: tuple[int, int]) -> bool:
     corners = np.array(outline.points)
-    return bool(np.all((corners >= 0.0) & (corners <= (width_px, height_px))))
+    return bool(np.all((corners >= 0.0) & (corners <= far)))
 
 
-def _bound(spots: Array, width_px: int, height_px: int) -> Window:
+def _bound(spots: Array, far: tuple[int, int]) -> Window:
     """Return the window around places in a frame, with a pixel more on each side."""
     low = np.maximum(np.floor(spots.min(axis=0)).astype(int) - 1, 0)
-    high = np.minimum(np.ceil(spots.max(axis=0)).astype(int) + 2, (width_px, height_px))
+    high = np.minimum(np.ceil(spots.max(axis=0)).astype(int) + 2, far)
     (col0, row0), (width, height) = low.tolist(), (high - low).tolist()
     return Window(row0=row0, col0=col0, height=height, width=width)
 
 
-def _read_colour(
-    frame: Frame, cut: tuple[slice, slice], inside: NDArray[np.bool_]
-) -> tuple[float, float] | None:
-    """Return R/G and B/G above black of a square; None of a frame without colours."""
-    samples = frame.samples_dn[cut][inside].astype(np.float64)
-    black = np.array(frame.black_level_dn)
+def _read_cell(frame: Frame, plane: NDArray[np.float32], outline: Polygon) -> tuple[float, float, float]:
+    """Return mean luminance of a cell, its relative noise, and R/G; NaN where it is saturated."""
+    part = bounding_window(outline, height_px=frame.height_px, width_px=frame.width_px)
+    row0, col0, inside = part.row0 - frame.row0, part.col0 - frame.col0, mask(outline, part)
+    cut = slice(row0, row0 + part.height), slice(col0, col0 + part.width)
+    values = plane[cut][inside].astype(np.float64)
+    known = values[np.isfinite(values)]
+    if len(known) < _LEAST_KNOWN * len(values) or not (mean := float(known.mean())) > 0.0:
+        return math.nan, math.nan, math.nan
+    samples, black = frame.samples_dn[cut][inside].astype(np.float64), np.array(frame.black_level_dn)
+    red = green = math.nan
     if frame.cfa == "rgb":
-        red, green, blue = samples.mean(axis=0) - black
+        red, green, _ = samples.mean(axis=0) - black
     elif len(frame.cfa) == 4:
         rows, cols = np.nonzero(inside)
-        sites = 2 * ((rows + frame.row0 + cut[0].start) % 2) + (cols + frame.col0 + cut[1].start) % 2
-        above = samples - black[sites]
-        letters = np.array(list(frame.cfa))[sites]
-        red, green, blue = (
-            float(above[letters == each].mean()) if np.any(letters == each) else 0.0 for each in "RGB"
-        )
-    else:
-        return None
-    return (float(red / green), float(blue / green)) if min(red, green, blue) > 0.0 else None
+        sites = 2 * ((rows + part.row0) % 2) + (cols + part.col0) % 2
+        letters, above = np.array(list(frame.cfa))[sites], samples - black[sites]
+        red, green = (above[letters == each].mean() if np.any(letters == each) else 0.0 for each in "RG")
+    ratio = red / green if min(red, green) > 0.0 else math.nan
+    return mean, float(known.std()) / math.sqrt(len(known)) / mean, float(ratio)

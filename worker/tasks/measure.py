@@ -28,7 +28,7 @@ def measure(context: Context, claim: jobs.Claim) -> Outcome:
     if found is not None and not lost:
         return Outcome(store=lambda _session: _links(found))
     with context.lend(frame.sha256) as file:
-        measured, products = measure_frame(_make_task(context, claim, frame, calibration, file))
+        measured, products = measure_frame(make_task(context, claim, frame, calibration, file))
 
     def store(session: Session) -> dict[str, Any]:
         return _links(
@@ -82,7 +82,7 @@ def _find_doubt(task: Task, row: FrameRow, file: Readable) -> Iterator[dict[str,
         yield codec.encode(shared.IMAGE_PART_EMPTY.at(where, detail))
 
 
-def _make_task(
+def make_task(
     context: Context, claim: jobs.Claim, frame: FrameRow, calibration: Calibration, file: blobs.StoredFile
 ) -> Task:
     @contextmanager

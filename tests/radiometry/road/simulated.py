@@ -15,14 +15,13 @@ from scipy.interpolate import RectBivariateSpline
 
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.grid import GridPoint, lay_points
-from radiometry.road.observations import lay_cells
+from radiometry.road.observations import Sight, lay_cells
 from radiometry.road.rules import find_rule
 from radiometry.road.site import (
     Conditions,
     ControlPoint,
     Criterion,
     Meter,
-    Reading,
     Requirement,
     Road,
     Row,
@@ -34,6 +33,7 @@ from radiometry.road.site import (
 EN = "EN 13201-2:2015"
 # luminance factors at nadir, from dark asphalt to light concrete
 PAVEMENTS = (0.07, 0.085, 0.10, 0.115, 0.13, 0.15, 0.18, 0.22)
+LUX = {"quantity": "illuminance", "unit": "lx", "meter_id": "lux"}
 SCALE = Scale(u_rel=0.015, meter=Meter(meter="K-meter", u_rel=0.02), spectral_u_rel=0.1)
 
 
@@ -140,7 +140,7 @@ def survey(
     noise=0.002,
     above_m=None,
 ):
-    """The road as the worker and a person state it, the readings, and E on the grid."""
+    """The road as the worker and a person state it, what a frame shows, and E on the grid."""
     points = lay_points(truth.site, find_rule(EN).grid)
     places = place_points(points, count)
     e, _ = truth.light(np.array([(p.x_m, p.y_m) for p in points] + places))
@@ -152,7 +152,7 @@ def survey(
     if wrong is not None:
         read[wrong] *= random.choice([0.5, 2.0])
     control = tuple(
-        ControlPoint(name=f"P{n + 1}", x_m=x, y_m=y, quantity="illuminance", values=(float(v),), meter="lux")
+        ControlPoint(name=f"P{n + 1}", x_m=x, y_m=y, **LUX, values=(float(v),))
         for n, ((x, y), v) in enumerate(zip(places, read, strict=True))
     )
     true = {"e_av": e[: len(points)].mean(), "u_0": e[: len(points)].min() / e[: len(points)].mean()}
@@ -167,7 +167,7 @@ def survey(
             surface="dry", reflectance=stated, reflectance_u_rel=rho_u, mains_frequency_hz=50.0
         ),
         control=control,
-        meters=(Meter(meter="lux", u_rel=0.02),),
+        meters=(Meter(meter_id="lux", meter="lux", u_rel=0.02),),
     )
     if same_meter:
         scale = dataclasses.replace(scale, meter=Meter(meter="lux", u_rel=0.02))
@@ -177,19 +177,16 @@ def survey(
     if above_m is not None:  # a lens with the falloff of cos^4, over the middle of the field
         low, high = truth.site.field_m
         off_axis = np.arctan(np.hypot(*(cells.xy_m - ((low + high) / 2.0, 3.5)).T) / above_m)
-    readings = [
-        Reading(
-            place=n,
-            frame="a",
-            luminance_cd_m2=float(v * np.cos(angle) ** 4),
-            u_rel=noise,
-            view_deg=10.0,
-            place_u_m=0.0,
-            off_axis_deg=float(np.degrees(angle)),
-        )
-        for n, v, angle in zip(cells.names, seen, off_axis, strict=True)
-    ]
-    return road, points, readings, scale, e[: len(points)]
+    none = np.zeros((1, len(seen)))
+    sight = Sight(
+        luminance_cd_m2=seen[None] * np.cos(off_axis) ** 4,
+        u_rel=none + noise,
+        view_deg=none + 10.0,
+        off_axis_deg=none + np.degrees(off_axis),
+        place_u_m=none,
+        red_over_green=none + np.nan,
+    )
+    return road, points, sight, scale, e[: len(points)]
 
 
 def look(truth, cells, random):
@@ -206,8 +203,8 @@ def measure_road(seed):
     """Error of E_av and U_0, half of its interval, whether that holds the truth, if a limit there is met."""
     random = np.random.default_rng(seed)
     truth = draw_road(random, patches=(0.05, 0.1)[seed % 2])
-    road, points, readings, scale, _ = survey(truth, random, limit_at_truth=True)
-    result = evaluate_road(road, points, readings, scale=scale)
+    road, points, sight, scale, _ = survey(truth, random, limit_at_truth=True)
+    result = evaluate_road(road, points, sight, scale=scale)
     figures, found = {each.figure: each for each in result.figures}, []
     for criterion in result.criteria:
         value, figure = criterion.at_least, figures[criterion.figure]

@@ -18,6 +18,15 @@ def get_figure(result, name):
     return next(each for each in result.figures if each.figure == name)
 
 
+def evaluate(surveyed, **changes):
+    """The result of a survey with changes of the road, of what is seen and of its scale."""
+    road, points, sight, scale, _ = surveyed
+    scale = changes.pop("scale", scale)
+    seen = {name: 0.0 * sight.u_rel + each for name, each in changes.pop("seen", {}).items()}
+    changed = dataclasses.replace(road, **changes)
+    return evaluate_road(changed, points, dataclasses.replace(sight, **seen), scale=scale)
+
+
 def raise_flags(result):
     return {each.flag for each in result.flags}
 
@@ -30,8 +39,7 @@ def surveyed():
 
 @pytest.fixture(scope="module")
 def result(surveyed):
-    road, points, readings, scale, _ = surveyed
-    return evaluate_road(road, points, readings, scale=scale)
+    return evaluate(surveyed)
 
 
 @pytest.mark.parametrize(
@@ -83,11 +91,10 @@ def test_the_meter_behind_k_is_worth_less_at_the_points():
     """Of one survey: the same instrument is one error, another one averages it."""
     known = dataclasses.replace(SCALE, spectral_u_rel=0.0)
     truth = draw_road(np.random.default_rng(3), b1=0.0)
-    road, points, readings, _, _ = survey(truth, np.random.default_rng(3), spectral=0.0, rho_u=0.005)
-    u_rel = {}
+    surveyed, u_rel = survey(truth, np.random.default_rng(3), spectral=0.0, rho_u=0.005), {}
     for meter in ("lux", "another"):
         scale = dataclasses.replace(known, meter=Meter(meter=meter, u_rel=0.02))
-        figure = get_figure(evaluate_road(road, points, readings, scale=scale), "e_av")
+        figure = get_figure(evaluate(surveyed, scale=scale), "e_av")
         u_rel[meter] = figure.standard_uncertainty / figure.value
     assert u_rel["lux"] > 1.1 * u_rel["another"]
 
@@ -127,10 +134,8 @@ def test_a_lens_that_falls_off_is_allowed_for():
         truth = draw_road(np.random.default_rng(seed))
         scale = dataclasses.replace(SCALE, falls_off=True)
         above_m = 0.9 * truth.site.rows[0].spacing_m
-        road, points, readings, scale, light = survey(
-            truth, np.random.default_rng([seed, 1]), scale=scale, above_m=above_m
-        )
-        result = evaluate_road(road, points, readings, scale=scale)
+        surveyed = survey(truth, np.random.default_rng([seed, 1]), scale=scale, above_m=above_m)
+        result, light = evaluate(surveyed), surveyed[-1]
         figure = get_figure(result, "u_0")
         held.append(figure.low < light.min() / light.mean() < figure.high)
         flags.append({each.flag for each in result.flags})
@@ -146,8 +151,8 @@ def test_edge_ratio_is_that_of_the_lamps():
         truth = draw_road(random)
         edges = (Strip(name=n, kind="edge", y_m=y, width_m=3.5) for n, y in (("near", -3.5), ("far", 7.0)))
         truth.site = dataclasses.replace(truth.site, strips=(*truth.site.strips, *edges))
-        road, points, readings, scale, light = survey(truth, random)
-        figure = get_figure(evaluate_road(road, points, readings, scale=scale), "eir")
+        _, points, *_, light = surveyed = survey(truth, random)
+        figure = get_figure(evaluate(surveyed), "eir")
         parts = np.array([each.part for each in points])
         sides = [(light[parts == n].mean(), light[parts == f"{n} (inside)"].mean()) for n in ("near", "far")]
         true = min(beside / within for beside, within in sides)
@@ -159,8 +164,7 @@ def test_edge_ratio_is_that_of_the_lamps():
 @pytest.mark.parametrize("b1", [-0.3, 0.3])
 def test_the_slope_with_the_angle_is_found_by_many_points(b1):
     truth = draw_road(np.random.default_rng(5), b1=b1, patches=0.005)
-    road, points, readings, scale, _ = survey(truth, np.random.default_rng(5), count=40)
-    (found,) = evaluate_road(road, points, readings, scale=scale).scales
+    (found,) = evaluate(survey(truth, np.random.default_rng(5), count=40)).scales
     assert abs(found.slope - b1) < 3.0 * found.slope_u < 0.1
 
 
@@ -168,8 +172,8 @@ def test_a_wrong_point_is_named_and_not_used():
     named = 0
     for seed in range(20):
         random = np.random.default_rng(seed)
-        road, points, readings, scale, truth = survey(draw_road(random), random, wrong=seed % 8)
-        result = evaluate_road(road, points, readings, scale=scale)
+        surveyed = survey(draw_road(random), random, wrong=seed % 8)
+        result, truth = evaluate(surveyed), surveyed[-1]
         states = {each.name: each.state for each in result.control}
         named += [name for name, state in states.items() if state == "differs"] == [f"P{seed % 8 + 1}"]
         assert get_figure(result, "e_av").value == pytest.approx(truth.mean(), rel=0.1)
@@ -182,9 +186,8 @@ def test_a_sodium_road_with_a_k_of_led_is_flagged_and_right():
     for seed in range(20):
         random = np.random.default_rng(100 + seed)
         scale = dataclasses.replace(SCALE, lamp_kind="led")
-        road, points, readings, scale, truth = survey(draw_road(random, lamp=0.7), random, scale=scale)
-        sodium = dataclasses.replace(road.conditions, lamp_kind="sodium")
-        result = evaluate_road(dataclasses.replace(road, conditions=sodium), points, readings, scale=scale)
+        road, *_, truth = surveyed = survey(draw_road(random, lamp=0.7), random, scale=scale)
+        result = evaluate(surveyed, conditions=dataclasses.replace(road.conditions, lamp_kind="sodium"))
         assert "road_lamps_differ" in raise_flags(result)
         errors.append(get_figure(result, "e_av").value / truth.mean() - 1.0)
     assert np.sqrt(np.mean(np.square(errors))) < 0.04
@@ -192,34 +195,34 @@ def test_a_sodium_road_with_a_k_of_led_is_flagged_and_right():
 
 def test_a_factor_that_no_budget_explains_is_flagged():
     random = np.random.default_rng(8)
-    road, points, readings, scale, _ = survey(draw_road(random, lamp=0.5), random)
-    flagged = next(
-        each
-        for each in evaluate_road(road, points, readings, scale=scale).flags
-        if each.flag == "road_scale_unlikely"
-    )
+    flags = evaluate(survey(draw_road(random, lamp=0.5), random)).flags
+    flagged = next(each for each in flags if each.flag == "road_scale_unlikely")
     assert "expected 1.00 ± 0.18" in flagged.detail
     assert flagged.where == "asphalt"
 
 
-def change(surveyed, *, seen=None, scale=None, **changes):
-    road, points, readings, known, _ = surveyed
-    readings = [dataclasses.replace(each, **seen) for each in readings] if seen else readings
-    return raise_flags(
-        evaluate_road(dataclasses.replace(road, **changes), points, readings, scale=scale or known)
-    )
+def pick(surveyed, control):
+    """The survey with some of its control points alone."""
+    road, points, sight, scale, truth = surveyed
+    names = {each.name for each in (*points, *control)}
+    kept = [n for n, each in enumerate((*points, *road.control)) if each.name in names]
+    sight = type(sight)(**{name: each[:, kept] for name, each in dataclasses.asdict(sight).items()})
+    return dataclasses.replace(road, control=tuple(control)), points, sight, scale, truth
+
+
+def change(surveyed, **changes):
+    return raise_flags(evaluate(surveyed, **changes))
 
 
 def test_conditions_are_flagged_or_refused(surveyed, result):
-    road, points, readings, scale, _ = surveyed
+    road, points, *_ = surveyed
     assert not raise_flags(result)
     assert "road_not_dry" in change(surveyed, conditions=Conditions(surface="moist"))
     with pytest.raises(InputRejected, match="wet"):
         change(surveyed, conditions=Conditions(surface="wet"))
     assert "road_view_steep" in change(surveyed, seen={"view_deg": 23.0})
     assert "road_place_unsure" in change(surveyed, seen={"place_u_m": 0.5})
-    few = road.control[:3]
-    assert "road_points_few" in change(surveyed, control=few)
+    assert "road_points_few" in change(pick(surveyed, road.control[:3]))
     sided = [dataclasses.replace(each, y_m=1.0 + 0.1 * n) for n, each in enumerate(road.control)]
     assert "road_points_one_sided" in change(surveyed, control=tuple(sided))
     assert "road_meter_uncertified" in change(surveyed, meters=())
@@ -231,22 +234,17 @@ def test_conditions_are_flagged_or_refused(surveyed, result):
     unconfirmed = dataclasses.replace(road.requirement, confirmed=None)
     assert "road_rule_unconfirmed" in change(surveyed, requirement=unconfirmed)
     with pytest.raises(InputRejected, match="half"):
-        evaluate_road(road, points, readings[:30], scale=scale)
+        change(surveyed, hidden=tuple(each.name for each in points[30:]))
 
 
 def test_two_kinds_of_lamps_need_points_under_both(surveyed):
-    road, points, readings, scale, _ = surveyed
-    x = {each.name: each.x_m for each in (*points, *road.control)}
+    road, points, sight, scale, _ = surveyed
+    x = np.array([each.x_m for each in (*points, *road.control)])
     middle = sum(road.site.field_m) / 2.0
-
-    def colour(place, sodium):
-        return dataclasses.replace(place, colour=(1.6 if sodium(x[place.place]) else 0.8, 0.5))
-
-    half = [colour(each, lambda at: at > middle) for each in readings]
-    assert "road_lamps_unread" not in raise_flags(evaluate_road(road, points, half, scale=scale))
-    near = tuple(each for each in road.control if each.x_m < middle)
-    near = dataclasses.replace(road, control=near)
-    assert "road_lamps_unread" in raise_flags(evaluate_road(near, points, half, scale=scale))
+    half = dataclasses.replace(sight, red_over_green=np.where(x > middle, 1.6, 0.8)[None])
+    assert "road_lamps_unread" not in change((road, points, half, scale, None))
+    near = [each for each in road.control if each.x_m < middle]
+    assert "road_lamps_unread" in change(pick((road, points, half, scale, None), near))
 
 
 def test_moisture_that_no_patch_explains_scatters(surveyed):
@@ -259,10 +257,10 @@ def test_moisture_that_no_patch_explains_scatters(surveyed):
 
 
 def test_a_point_that_a_person_left_out_is_compared_and_not_used(surveyed):
-    road, points, readings, scale, truth = surveyed
+    road, *_, truth = surveyed
     off = dataclasses.replace(road.control[2], left_out="shadow", values=(1.0,))
     control = (*road.control[:2], off, *road.control[3:])
-    result = evaluate_road(dataclasses.replace(road, control=control), points, readings, scale=scale)
+    result = evaluate(surveyed, control=control)
     left = result.control[2]
     assert (left.state, left.reason) == ("left_out", "shadow")
     assert left.without_it == pytest.approx(road.control[2].values[0], rel=0.15)
@@ -271,13 +269,12 @@ def test_a_point_that_a_person_left_out_is_compared_and_not_used(surveyed):
 
 def test_readings_of_a_luminance_meter_alone_leave_the_pavement(surveyed):
     """E then depends on the stated luminance factor, 15 %; where lux meters read, it does not."""
-    road, points, readings, scale, _ = surveyed
-    seen = {each.place: each.luminance_cd_m2 for each in readings}
+    road, points, sight, *_ = surveyed
     control = tuple(
-        dataclasses.replace(each, quantity="luminance", values=(1.1 * seen[each.name],))
-        for each in road.control
+        dataclasses.replace(each, quantity="luminance", unit="cd/m2", values=(1.1 * seen,))
+        for each, seen in zip(road.control, sight.luminance_cd_m2[0, len(points) :].tolist(), strict=True)
     )
-    result = evaluate_road(dataclasses.replace(road, control=control), points, readings, scale=scale)
+    result = evaluate(surveyed, control=control)
     figure = get_figure(result, "e_av")
     assert figure.standard_uncertainty / figure.value == pytest.approx(0.15, rel=0.15)
     assert result.budget[0].source == "reflectance"
@@ -285,9 +282,8 @@ def test_readings_of_a_luminance_meter_alone_leave_the_pavement(surveyed):
 
 def test_power_density_is_that_of_the_worked_road(surveyed):
     """276 W / (22.87 lx x 245 m2) = 49.3 mW/(lx m2)."""
-    road, points, readings, scale, _ = surveyed
-    lit = dataclasses.replace(road, conditions=dataclasses.replace(road.conditions, power_w=276.0))
-    result = evaluate_road(lit, points, readings, scale=scale)
+    road = surveyed[0]
+    result = evaluate(surveyed, conditions=dataclasses.replace(road.conditions, power_w=276.0))
     area = 7.0 * road.site.rows[0].spacing_m
     expected = 276e3 / (get_figure(result, "e_av").value * area)
     assert get_figure(result, "pdi").value == pytest.approx(expected, rel=1e-3)
@@ -295,28 +291,25 @@ def test_power_density_is_that_of_the_worked_road(surveyed):
 
 
 def test_maintenance_factor_lowers_the_light_and_not_its_uniformity(surveyed, result):
-    road, points, readings, scale, _ = surveyed
-    kept = dataclasses.replace(road.requirement, maintenance_factor=0.8)
-    lower = evaluate_road(dataclasses.replace(road, requirement=kept), points, readings, scale=scale)
+    kept = dataclasses.replace(surveyed[0].requirement, maintenance_factor=0.8)
+    lower = evaluate(surveyed, requirement=kept)
     assert get_figure(lower, "e_av").value == pytest.approx(0.8 * get_figure(result, "e_av").value)
     assert get_figure(lower, "u_0").value == get_figure(result, "u_0").value
     assert (result.as_found, lower.as_found) == (True, False)
 
 
 def test_verdicts_of_each_rule(surveyed, result):
-    road, points, readings, scale, _ = surveyed
     figure = get_figure(result, "e_av")
     u = figure.standard_uncertainty
 
     def judge(limit, decision="guarded", largest=None):
         stated = dataclasses.replace(
-            road.requirement,
+            surveyed[0].requirement,
             criteria=(Criterion(figure="e_av", at_least=limit),),
             decision=decision,
             largest_u_rel=largest,
         )
-        found = evaluate_road(dataclasses.replace(road, requirement=stated), points, readings, scale=scale)
-        return found.criteria[0]
+        return evaluate(surveyed, requirement=stated).criteria[0]
 
     assert judge(figure.value - 2.0 * u).verdict == "conforms"
     assert judge(figure.value + 2.0 * u).verdict == "does_not"
@@ -329,9 +322,8 @@ def test_verdicts_of_each_rule(surveyed, result):
 
 
 def test_luminances_of_a_driver_are_not_measured(surveyed):
-    road, points, readings, scale, _ = surveyed
-    stated = dataclasses.replace(road.requirement, road_class="M3")
-    result = evaluate_road(dataclasses.replace(road, requirement=stated), points, readings, scale=scale)
+    stated = dataclasses.replace(surveyed[0].requirement, road_class="M3")
+    result = evaluate(surveyed, requirement=stated)
     assert result.verdict == "not_measured"
     assert {each.verdict for each in result.criteria} == {"not_measured"}
     assert {each.road_class[0] for each in result.classes} == {"C", "P"}

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.road.evaluation import evaluate_road
 from radiometry.road.geojson import place_on_earth, read_site, write_points, write_site
 from radiometry.road.site import Area, Origin, Row, Strip
-from tests.radiometry.road.simulated import draw_road, survey
 from tests.radiometry.road.test_grid import make_site
 
 ORIGIN = Origin(longitude_deg=8.5, latitude_deg=47.0, bearing_deg=60.0)
@@ -46,14 +44,11 @@ def test_places_are_as_far_as_degrees_are_long():
     assert placed - (8.5, 47.0) == pytest.approx(np.array([(0.0, 1e-3), (-1e-3, 0.0)]), abs=2e-7)
 
 
-def test_points_of_a_result_are_features_with_their_figures():
-    random = np.random.default_rng(5)
-    road, points, readings, scale, _ = survey(draw_road(random), random)
-    found = write_points(road.site, evaluate_road(road, points, readings, scale=scale))
-    assert len(found["features"]) == len(points) + 8
-    first = found["features"][0]
-    assert first["geometry"]["coordinates"] == pytest.approx([points[0].x_m, points[0].y_m], abs=1e-3)
-    assert first["properties"]["illuminance_lx"] > 0.0
+def test_points_are_features_with_their_figures():
+    point = {"name": "1/1-1", "x_m": 3.0, "y_m": 0.5, "illuminance_lx": 12.0}
+    (found,) = write_points(make_full(origin=None), [point])["features"]
+    assert found["geometry"] == {"type": "Point", "coordinates": [3.0, 0.5]}
+    assert found["properties"] == point
 
 
 @pytest.mark.parametrize("document", [{}, {"features": [{"geometry": None}]}, {"features": []}])

@@ -9,6 +9,7 @@ from radiometry.road.grid import lay_points
 from radiometry.road.observations import lay_cells
 from radiometry.road.rules import find_criteria, find_rule, list_rules
 from radiometry.road.site import Area, ControlPoint, Requirement, Road, Row, Site, Strip
+from tests.radiometry.road.simulated import LUX
 
 EN, RP8 = (rule.name for rule in list_rules())
 
@@ -82,12 +83,9 @@ def test_unknown_rules_and_classes_are_refused(asked):
         find_criteria(Requirement(rule=asked[0], road_class=asked[1]))
 
 
-@pytest.mark.parametrize(
-    "site", [make_site(0.0), make_site(35.0, Strip(name="1", kind="walkway", y_m=8.0, width_m=2.0))]
-)
-def test_a_site_without_size_or_with_a_name_twice_is_refused(site):
-    with pytest.raises(InputRejected, match="A site has"):
-        lay_points(site, find_rule(EN).grid)
+def test_a_site_with_a_name_twice_is_refused():
+    with pytest.raises(InputRejected, match="different names"):
+        lay_points(make_site(35.0, Strip(name="1", kind="walkway", y_m=8.0, width_m=2.0)), find_rule(EN).grid)
 
 
 def test_luminances_are_averaged_on_the_point_s_own_strip_or_area():
@@ -96,7 +94,7 @@ def test_luminances_are_averaged_on_the_point_s_own_strip_or_area():
     site = make_site(35.0, areas=(area,))
     points = lay_points(site, find_rule(EN).grid)
     control = tuple(
-        ControlPoint(name=n, x_m=4.0, y_m=y, quantity="illuminance", values=(9.0,), meter="lux")
+        ControlPoint(name=n, x_m=4.0, y_m=y, **LUX, values=(9.0,))
         for n, y in (("middle", 1.75), ("kerb", 0.2))
     )
     stated = Road(site=site, requirement=Requirement(rule=EN, road_class="C3"), control=control)

@@ -8,7 +8,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame.opencv import cv2
 from radiometry.frame.pose import Pose
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.road.placing import Mark, PlainCamera, place_by_pose, place_frame
+from radiometry.road.placing import Lens, Mark, place_by_pose, place_frame
 from radiometry.road.site import Origin
 
 CAMERA = CameraModel(
@@ -108,7 +108,7 @@ def test_a_frame_from_straight_above_by_hand(bearing_deg, right, yaw_deg, turned
     origin = Origin(longitude_deg=8.5, latitude_deg=47.0, bearing_deg=bearing_deg, y_to_the_right=right)
     across = -2.0 if right else 2.0
     north, east = (across, 10.0) if bearing_deg else (10.0, -across)
-    camera = PlainCamera(focal_px=1000.0, height_px=800, width_px=1000)
+    camera = Lens.of_focal_length(1000.0, height_px=800, width_px=1000)
     placed = place_by_pose(make_pose(north, east, 50.0, (yaw_deg, -90.0, 0.0)), origin, camera)
     seen = placed.to_image(np.array([(10.0, 2.0), (15.0, 2.0), (10.0, 4.0)]))
     assert seen == pytest.approx(

@@ -15,7 +15,7 @@ ROAD = Road(
     site=make_site(),
     requirement=Requirement(rule=EN, road_class="C3"),
     conditions=Conditions(mains_frequency_hz=50.0, lamp_kind="sodium"),
-    meters=(Meter(meter="lux", u_rel=0.02),),
+    meters=(Meter(meter_id="lux", meter="lux", u_rel=0.02),),
 )
 
 
@@ -43,8 +43,8 @@ def test_points_surround_the_field_and_lie_apart():
 def test_foreseen_uncertainty_is_that_of_roads_as_planned():
     random, reached = np.random.default_rng(4), []
     for _ in range(8):
-        road, points, readings, scale, _ = survey(draw_road(random), random)
-        result = evaluate_road(road, points, readings, scale=scale)
+        road, points, sight, scale, _ = survey(draw_road(random), random)
+        result = evaluate_road(road, points, sight, scale=scale)
         figure = result.figures[0]
         reached.append(figure.standard_uncertainty / figure.value)
     planned = plan_points(ROAD, e_av_u_rel=2 * np.mean(reached), u_0_u_rel=1.0)
@@ -53,19 +53,27 @@ def test_foreseen_uncertainty_is_that_of_roads_as_planned():
 
 def test_points_that_would_decide_a_verdict_are_counted():
     random = np.random.default_rng(6)
-    road, points, readings, scale, _ = survey(draw_road(random), random)
+    road, points, sight, scale, _ = survey(draw_road(random), random)
     figure = next(
-        each for each in evaluate_road(road, points, readings, scale=scale).figures if each.figure == "u_0"
+        each for each in evaluate_road(road, points, sight, scale=scale).figures if each.figure == "u_0"
     )
 
-    def count(share):
+    def judge(share):
         limit = figure.value - share * 1.645 * figure.standard_uncertainty
         stated = dataclasses.replace(road.requirement, criteria=(Criterion(figure="u_0", at_least=limit),))
         judged = dataclasses.replace(road, requirement=stated)
-        return evaluate_road(judged, points, readings, scale=scale).criteria[0].needed_points
+        return evaluate_road(judged, points, sight, scale=scale).criteria[0]
 
-    assert 1 <= count(0.9) < count(0.7)
-    assert count(0.01) is None
+    near, far, never = judge(0.9), judge(0.7), judge(0.01)
+    assert 1 <= near.needed_points < far.needed_points == far.prospects[-1].points
+    assert [each.is_decided for each in far.prospects] == [False] * (len(far.prospects) - 1) + [True]
+    u = [figure.expanded_uncertainty, *(each.expanded_uncertainty for each in far.prospects)]
+    assert u == sorted(u, reverse=True)
+    assert u[-1] <= far.needed_u < u[-2]
+    assert never.needed_points is None
+    assert [(each.points, each.is_decided) for each in never.prospects] == [
+        (4, False), (8, False), (16, False), (40, False)
+    ]  # fmt: skip
 
 
 def test_times_without_flicker_are_whole_periods():

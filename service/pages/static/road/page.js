@@ -24,10 +24,12 @@ const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 
 byId("hide")?.addEventListener("click", hide);
 byId("type")?.addEventListener("click", async () => (await typePoints(own)) && show());
-byId("evaluate")?.addEventListener("click", (event) => act(event.target, evaluate));
+byId("evaluate")?.addEventListener("click", (event) => act(event.target, () => evaluate()));
 show().then(() => road && drawSite(road, show));
 
-async function evaluate() {
+/** What was changed is evaluated at once. */
+async function evaluate(changed) {
+  await changed;
   await runJob(`${own}/evaluate`, undefined, byId("progress"), "Evaluating");
   await show();
 }
@@ -55,6 +57,7 @@ function drawAnswer(result) {
   fill(byId("exports"), [["report.pdf", "Report (PDF)"], ["points.csv", "CSV"], ["points.geojson", "GeoJSON"]].map(([name, text]) => h("a", { class: "button", href: result.links[name], download: name }, text)));
   fill(byId("figures"), h("dl", { class: "road-figures" }, result.figures.map((each) => h("div", {}, h("dt", {}, NAMES[each.figure][0], " ", sign(each.figure)), h("dd", {}, h("b", {}, withUncertainty(each.value, each.expanded_uncertainty)), each.unit === "1" ? "" : ` ${unit(each.unit)}`)))));
   drawLimits(result);
+  drawProspects(result);
   if (result.map) drawMap(result);
   const rows = result.budget.map((each) => ({ source: each.source, share: each.variance_share, said: percent(each.u_rel) }));
   fill(byId("budget"), budgetBar(rows));
@@ -88,17 +91,13 @@ function hide() {
     title: "Hidden points",
     fields: [{ name: "hidden", label: "Points", type: "textarea", required: false, value: road.hidden.join(", "), hint: `Such as ${road.grid[0].name}: lane, row across and column along.`, help: "What a car or a tree hides is predicted from its neighbours, and counted in the report." }],
     submit: "Save",
-    action: async ({ hidden = "" }) => {
-      await patch(own, { hidden: hidden.split(/[,\n]/).map((name) => name.trim()).filter(Boolean) });
-      await evaluate();
-    },
+    action: ({ hidden = "" }) => evaluate(patch(own, { hidden: hidden.split(/[,\n]/).map((name) => name.trim()).filter(Boolean) })),
   });
 }
 
-async function changePoint(name, changes) {
+function changePoint(name, changes) {
   const points = road.points.map((each) => (each.name === name ? Object.fromEntries(Object.entries({ ...each, ...changes }).filter(([, value]) => value !== null)) : each));
-  await put(`${own}/points`, points);
-  await evaluate();
+  return evaluate(put(`${own}/points`, points));
 }
 
 function drawLimits(result) {
@@ -113,15 +112,24 @@ function drawLimits(result) {
   );
 }
 
-async function change(changes) {
-  await patch(own, { requirement: { ...road.requirement, ...changes } });
-  await evaluate();
+/** Further control points, should the values stay. */
+function drawProspects(result) {
+  const rows = result.criteria.flatMap(({ figure, prospects = [] }) => prospects.map((each) => ({ ...each, figure })));
+  byId("decide").hidden = !rows.length;
+  const columns = [
+    { head: "Figure", header: true, cell: ({ figure }) => sign(figure) },
+    { head: "Control points", class: "number", cell: ({ points }) => `${points} more` },
+    { head: "U, 95 %", class: "number", cell: ({ expanded_uncertainty: u, figure }) => `${number(u, 2)}${unitOf(figure)}` },
+    { head: "Then", cell: ({ is_decided: yes }) => h("span", {}, mark(yes ? "good" : "open"), yes ? " decided" : " not decided") },
+  ];
+  fill(byId("prospects"), table(columns, rows, { caption: "What would decide it", stack: true }));
 }
+
+const change = (changes) => evaluate(patch(own, { requirement: { ...road.requirement, ...changes } }));
 
 function drawLimit(criterion, figure) {
   const limits = [["at least", criterion.at_least], ["at most", criterion.at_most]].filter(([, value]) => value !== undefined);
-  const needs = criterion.needed_points ? `about ${criterion.needed_points} more points` : "";
-  const needed = criterion.needed_u ? h("dd", { class: "small muted limit-cell" }, [`U of ${number(criterion.needed_u, 2)} would decide it`, needs].filter(Boolean).join("; ")) : null;
+  const needed = criterion.needed_u ? h("dd", { class: "small muted limit-cell" }, `U of ${number(criterion.needed_u, 2)} would decide it`) : null;
   return h("div", {}, h("dt", {}, sign(criterion.figure), " ", limits.map(([text, value]) => `${text} ${number(value)}${unitOf(criterion.figure)}`).join(", ")), h("dd", {}, said(criterion.verdict)), figure ? h("dd", { class: "limit-cell" }, strip(criterion, figure)) : null, needed);
 }
 
