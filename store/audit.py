@@ -155,12 +155,9 @@ def _difference(row: Audited, verb: str) -> tuple[dict[str, Any], dict[str, Any]
 
 
 def _said(row: Audited, values: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        f"{name}_sha256" if name in row.__audit_digests__ else name: (
-            digest_value(value) if name in row.__audit_digests__ else _plain(value)
-        )
-        for name, value in values.items()
-    }
+    hashed = row.__audit_digests__
+    said = {name: _plain(value) for name, value in values.items() if name not in hashed}
+    return said | {f"{name}_sha256": digest_value(each) for name, each in values.items() if name in hashed}
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401

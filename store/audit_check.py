@@ -38,8 +38,7 @@ _Key = tuple[Any, ...]
 class RowsReport:
     faults: list[str] = field(default_factory=list)
     compared: int = 0
-    unrecorded: int = 0
-    """Rows that the trail knows only in part, because they are older than what it records today."""
+    unrecorded: int = 0  # rows that the trail knows in part, as they are older than what it records today
 
 
 def check_rows(database: Database) -> RowsReport:
@@ -57,8 +56,7 @@ class _Comparison:
     """One table beside its entries: both in the order of their ids, so that neither is held as a whole."""
 
     def __init__(self, session: Session, table: type[Base], report: RowsReport) -> None:
-        self._session = session
-        self._table = table
+        self._session, self._table = session, table
         self._name = table.__tablename__
         self._report = report
         self._columns = list(inspect(table).columns)
@@ -169,8 +167,7 @@ class _Comparison:
         self._report.faults.append(f"{self._name} {subject_id}: {what}")
 
 
-_RECORDED_LATE = frozenset({"extraction"})
-"""Tables that were not audited from the first day on."""
+_RECORDED_LATE = frozenset({"extraction"})  # tables that were not audited from the first day on
 
 
 @dataclass
@@ -354,11 +351,8 @@ def _follow(last: Head, entry: Mapping[str, Any], *, linked: bool = True) -> Hea
     if digest(entry) != entry["sha256"]:
         raise Fault(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
     if linked and entry["previous_sha256"] != last.sha256:
-        raise Fault(
-            seq,
-            f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved, "
-            "or one between them was deleted",
-        )
+        why = "one of them was rewritten, inserted or moved, or one between them was deleted"
+        raise Fault(seq, f"entry {seq} does not continue entry {last.seq}: {why}")
     return Head(seq=seq, sha256=entry["sha256"])
 
 
@@ -368,32 +362,24 @@ def _name(first: int, last: int) -> str:
 
 def _compare(last: Head, noted: Head) -> None:
     if noted.seq > last.seq:
-        raise Fault(
-            last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
-        )
+        message = f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
+        raise Fault(last.seq + 1, message)
     if noted != last:
         message = f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten"
         raise Fault(noted.seq, message)
 
 
 def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None:
+    seq, after = last.seq, last.seq + 1
     if head is None:
-        raise Fault(
-            last.seq + 1, f"the head's row{whose} is missing: whether entries are missing cannot be told"
-        )
-    if head.seq > last.seq:
-        missing = (
-            f"entries{whose} from {last.seq + 1} to {head.seq} are"
-            if whose
-            else _name(last.seq + 1, head.seq)
-        )
-        raise Fault(last.seq + 1, f"{missing} missing: deleted at the end")
-    if head.seq < last.seq:
-        raise Fault(last.seq, f"entry {last.seq}{whose} lies beyond the head: inserted at the end")
+        raise Fault(after, f"the head's row{whose} is missing: whether entries are missing cannot be told")
+    if head.seq > seq:
+        missing = f"entries{whose} from {after} to {head.seq} are" if whose else _name(after, head.seq)
+        raise Fault(after, f"{missing} missing: deleted at the end")
+    if head.seq < seq:
+        raise Fault(seq, f"entry {seq}{whose} lies beyond the head: inserted at the end")
     if head.sha256 != last.sha256:
-        raise Fault(
-            last.seq, f"entry {last.seq}{whose} does not match the head: one of the two was rewritten"
-        )
+        raise Fault(seq, f"entry {seq}{whose} does not match the head: one of the two was rewritten")
 
 
 def _walk(session: Session) -> Iterator[Mapping[str, Any]]:

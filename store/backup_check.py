@@ -131,11 +131,8 @@ def main(arguments: list[str] | None = None) -> int:
     if len(proven.faults) > _MOST_LINES:
         print(f"stilb: and {len(proven.faults) - _MOST_LINES} more", file=sys.stderr)  # noqa: T201
     print(f"proven: {proven.files} files, {proven.size_bytes / 1e6:.1f} MB")  # noqa: T201
-    if proven.faults:
-        print("this backup is NOT whole")  # noqa: T201
-        return 1
-    print("this backup is whole")  # noqa: T201
-    return 0
+    print(f"this backup is {'NOT ' if proven.faults else ''}whole")  # noqa: T201
+    return int(bool(proven.faults))
 
 
 if __name__ == "__main__":

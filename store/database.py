@@ -24,14 +24,12 @@ class Conflict(Exception):  # noqa: N818  it says what happened
 
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
-        self.code = code
-        self.message = message
+        self.code, self.message = code, message
 
 
 _VERSION = text("SELECT version_num FROM alembic_version")
 
-OTHER_SCHEMA_EXIT = 3
-"""The exit code of a process that finds a database of another stilb."""
+OTHER_SCHEMA_EXIT = 3  # the exit code of a process that finds a database of another stilb
 
 
 class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
@@ -230,10 +228,8 @@ def summarise(error: Exception) -> str:
 
 def is_full(error: Exception) -> bool:
     cause = getattr(error, "orig", None)
-    return (
-        getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
-        or getattr(cause, "sqlstate", None) == _POSTGRES_FULL
-    )
+    code, state = (getattr(cause, name, None) for name in ("sqlite_errorcode", "sqlstate"))
+    return code == sqlite3.SQLITE_FULL or state == _POSTGRES_FULL
 
 
 def _sqlite_engine(url: str, *, begin: str, wait_s: float) -> Engine:

@@ -22,16 +22,14 @@ from store.tables import Blob, Job, SmallPreview, insert_or_not, utc_now
 log = logging.getLogger(__name__)
 
 _ACTOR: Final = "files"
-SCRUB_DAYS: Final = 30.0
-"""Each file is proven once in this time, whether it is read or not."""
+SCRUB_DAYS: Final = 30.0  # each file is proven once in this time, whether it is read or not
 
 
 class Files:
     """The blobs of one service; every method may be called from any thread."""
 
     def __init__(self, database: Database, blobs: Blobs) -> None:
-        self._database = database
-        self._blobs = blobs
+        self._database, self._blobs = database, blobs
 
     def open(self, sha256: str) -> tuple[int, Iterator[bytes]]:
         """Return a file's size and its proven bytes; the first MiB is proven before this returns."""
@@ -117,10 +115,7 @@ def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
     """Add the rows of stored files, some perhaps the same; return the new hashes. Others are whole again."""
     stored = {blob.sha256: blob for blob in blobs}
     # in one order, so that two who bring the same files do not wait for each other
-    rows = [
-        {"sha256": sha256, "size_bytes": blob.size_bytes, "digests": blob.digests}
-        for sha256, blob in sorted(stored.items())
-    ]
+    rows = [vars(stored[sha256]) for sha256 in sorted(stored)]
     # the same words however many there are: a list of values would be compiled each time
     added = insert_or_not(session, Blob).on_conflict_do_nothing().returning(Blob.sha256)
     new = {*session.connection().execute(added, rows).scalars()} if rows else set()

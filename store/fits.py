@@ -15,7 +15,7 @@ from radiometry.findings import grouping, shared
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.mismatch import find_response
 from store.codec import decode, encode
-from store.queries import by_id
+from store.queries import add, by_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
@@ -94,15 +94,10 @@ def make_version(
     lens = {name: value for name, value in (campaign.lens or registered).items() if value}
     return NewVersion(
         columns={
-            "organisation_id": campaign.organisation_id,
-            "camera_id": campaign.camera_id,
+            **{name: getattr(campaign, name) for name in ("organisation_id", "camera_id", "method")},
             "campaign_id": campaign.id,
-            "method": campaign.method,
-            "configuration": {
-                # the campaign's lens, else the camera's, where one is named
-                **({"lens": lens} if "model" in lens else {}),
-                **spec.configure(fit),
-            },
+            # the campaign's lens, else the camera's, where one is named
+            "configuration": {**({"lens": lens} if "model" in lens else {}), **spec.configure(fit)},
             "parameters": parameters,
             "inputs": inputs,
             "result": _result(fit, evidence),
@@ -125,8 +120,8 @@ def write_version(session: Session, new: NewVersion) -> Calibration:
         return found
     number = next_version(session, new.columns["camera_id"], new.columns["method"])
     calibration = Calibration(id=new_id("cal"), version=number, **new.columns)
-    session.add(calibration)
-    session.flush()
+    add(session, calibration)
+    # together, as one entry of the audit trail
     for position, columns in enumerate(new.coefficients):
         session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))
     session.flush()

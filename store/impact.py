@@ -18,6 +18,7 @@ from store import codec, database
 from store.measuring.comparison import Reference, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
 from store.publications import InForce, list_held, revoke
+from store.queries import add, by_id
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.frame_times import FrameClocks, FrameTime
 from store.tables import (
@@ -43,8 +44,8 @@ class Touched(Record):
 
     measurement: Measurement
     frame: FrameRow
-    successor: Calibration | None
-    change: MeasuredChange | None
+    successor: Calibration | None = None
+    change: MeasuredChange | None = None
     why: str | None
 
 
@@ -104,21 +105,15 @@ def list_touched(
     touched, clocks = [], FrameClocks(session)
     for measurement, frame in _measured_with(session, calibration):
         successor, why = _find_successor(clocks.find(frame), others)
-        if successor is None:
-            touched.append(
-                Touched(measurement=measurement, frame=frame, successor=None, change=None, why=why)
-            )
-        else:
-            touched.append(_touch(measurement, frame, calibration, successor))
+        kept = Touched(measurement=measurement, frame=frame, why=why)
+        touched.append(_touch(measurement, frame, calibration, successor) if successor else kept)
     return touched
 
 
 def list_roads(session: Session, calibration: Calibration) -> list[tuple[RoadResult, Road]]:
     """Return the evaluations of roads that rest on a version: by K, lens or geometry of a frame."""
-    frames, ids = (
-        RoadResult.inputs["frames"].as_string(),
-        [calibration.id, *list_corrected(session, calibration)],
-    )
+    frames = RoadResult.inputs["frames"].as_string()
+    ids = [calibration.id, *list_corrected(session, calibration)]
     rows = session.execute(
         select(RoadResult, Road)
         .join(Road, Road.id == RoadResult.road_id)
@@ -146,7 +141,7 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
     if not isinstance(application, SurfaceApplication) or frame.exposure is None:
         told = [spec.name for spec in METHODS if spec.reference is not None and spec.application]
         why = f"What changes is told for versions of {' and '.join(told)} only."
-        return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
+        return Touched(measurement=measurement, frame=frame, successor=new, why=why)
     lens_share = application.summarise(measurement.result).figures["lens_share"]
     change = application.change(
         codec.read_applied(old),
@@ -248,8 +243,7 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
         case "meter_certificate_number":
             return _by_meter(session, mine, lambda used: used.get("certificate", {}).get("number") == value)
         case "software":
-            by_software = mine.where(Calibration.software["stilb"].as_string() == value)
-            return sorted(session.scalars(by_software))
+            return sorted(session.scalars(mine.where(Calibration.software["stilb"].as_string() == value)))
         case _:
             # campaigns that name this recorder, or did before
             once = select(AuditEntry.subject_id).where(
@@ -260,16 +254,9 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
 
 
 def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Recall:
-    recall = Recall(
-        organisation_id=organisation_id,
-        cause=cause,
-        reason=reason,
-        calibration_ids=find_versions(session, organisation_id, cause),
-        created_by=by,
-    )
-    session.add(recall)
-    session.flush()
-    return recall
+    ids = find_versions(session, organisation_id, cause)
+    said = {"cause": cause, "reason": reason, "calibration_ids": ids, "created_by": by}
+    return add(session, Recall(organisation_id=organisation_id, **said))
 
 
 def confirm(session: Session, recall: Recall, *, by: str) -> None:
@@ -311,11 +298,11 @@ def review(session: Session, recall: Recall) -> list[Condemned]:
 
 def _in_locking_order(session: Session, ids: list[str]) -> list[Calibration]:
     """Return the versions in an order in which concurrent recalls lock the same slots."""
-    rows = session.scalars(select(Calibration).where(Calibration.id.in_(ids)))
-    return sorted(
-        rows,
-        key=lambda row: (row.camera_id, row.method, json.dumps(row.configuration, sort_keys=True), row.id),
-    )
+
+    def place(row: Calibration) -> tuple[str, ...]:
+        return row.camera_id, row.method, json.dumps(row.configuration, sort_keys=True), row.id
+
+    return sorted(by_id(session, Calibration, ids).values(), key=place)
 
 
 def _by_meter(session: Session, mine: Select[Any], fits: Callable[[dict[str, Any]], bool]) -> list[str]:

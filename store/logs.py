@@ -41,11 +41,8 @@ class TextLines(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  logging calls it
         known: dict[str, Any] = getattr(record, "fields", {})
-        told = (
-            f" {name}={','.join(value) if isinstance(value, list) else value}"
-            for name, value in known.items()
-        )
-        return super().formatMessage(record) + "".join(told)
+        texts = {name: ",".join(each) if isinstance(each, list) else each for name, each in known.items()}
+        return super().formatMessage(record) + "".join(f" {name}={text}" for name, text in texts.items())
 
 
 class JsonLines(logging.Formatter):

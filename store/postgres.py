@@ -18,14 +18,10 @@ Result = TypeVar("Result")
 
 _CONNECT_WITHIN_S = 5.0
 _PING_WITHIN_S = 2.0
-_TRUSTED_FOR_S = 5.0
-"""How long after its last answer a connection is taken to live, unless its server has closed it."""
-_WORD_ON_THE_WAY_S = 2.0
-"""By how much longer than the server's own limit an answer may take."""
-_PLAN_ONCE = "SET plan_cache_mode = force_generic_plan"
-"""Planning a statement again costs more than running it."""
-_MOST_ASKED = 8
-"""Statements of an event loop under way at once."""
+_TRUSTED_FOR_S = 5.0  # after its last answer a connection is taken to live, unless its server has closed it
+_WORD_ON_THE_WAY_S = 2.0  # by how much longer than the server's own limit an answer may take
+_PLAN_ONCE = "SET plan_cache_mode = force_generic_plan"  # planning a statement again costs more than running
+_MOST_ASKED = 8  # statements of an event loop under way at once
 
 
 def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface, shared
 from radiometry.records import Record
 from store import blobs, database, files
+from store.queries import add
 from store.ready.rows import close_ready, describe_validity, write_ready
 from store.tables import Calibration, IssuedCertificate, Publication, Revocation, Slot, utc_now
 
@@ -58,9 +59,7 @@ def publish(
         for rest in _give_way(session, older, row)
     ]
     session.flush()
-    session.add(row)
-    session.flush()
-    write_ready(session, [*remainders, row])
+    write_ready(session, [*remainders, add(session, row)])
     return row
 
 
@@ -117,11 +116,7 @@ def _lock_slot(session: Session, calibration: Calibration) -> Slot:
     # the version's own row is locked first: two first publications would otherwise both make the slot
     first = select(Calibration.id).filter_by(camera_id=calibration.camera_id).order_by(Calibration.version)
     session.execute(first.limit(1).with_for_update())
-    if (slot := session.scalar(select(Slot).filter_by(**of).with_for_update())) is None:
-        slot = Slot(**of)
-        session.add(slot)
-        session.flush()
-    return slot
+    return session.scalar(select(Slot).filter_by(**of).with_for_update()) or add(session, Slot(**of))
 
 
 def _next_instant(session: Session, slot: Slot) -> datetime:
@@ -146,30 +141,19 @@ def _give_way(session: Session, older: Publication, newer: Publication) -> list[
     """Close a row, and record again what of its validity lies before and after the newer one's."""
     successor = newer.calibration_id if newer.calibration_id != older.calibration_id else None
     keeps_end = newer.valid_to is not None and (older.valid_to is None or older.valid_to > newer.valid_to)
-    remainders: list[tuple[datetime, datetime | None, str | None]] = []
+    rests: list[tuple[datetime, datetime | None, str | None]] = []
     if older.valid_from < newer.valid_from:
         # where a part of it goes on afterwards it is not superseded, only interrupted
         taken_by = older.superseded_by if keeps_end else successor
-        remainders.append((older.valid_from, newer.valid_from, taken_by))
+        rests.append((older.valid_from, newer.valid_from, taken_by))
     if newer.valid_to is not None and keeps_end:
-        remainders.append((newer.valid_to, older.valid_to, older.superseded_by))
-    older.known_to = newer.known_from
-    older.superseded_by = successor
+        rests.append((newer.valid_to, older.valid_to, older.superseded_by))
+    older.known_to, older.superseded_by = newer.known_from, successor
     session.flush()
     close_ready(session, older)
-    rows = [
-        Publication(
-            slot_id=older.slot_id,
-            calibration_id=older.calibration_id,
-            valid_from=valid_from,
-            valid_to=valid_to,
-            known_from=newer.known_from,
-            known_to=None,
-            reason=older.reason,
-            superseded_by=superseded_by,
-        )
-        for valid_from, valid_to, superseded_by in remainders
-    ]
+    same = {name: getattr(older, name) for name in ("slot_id", "calibration_id", "reason")}
+    same |= {"known_from": newer.known_from, "known_to": None}
+    rows = [Publication(valid_from=start, valid_to=end, superseded_by=by, **same) for start, end, by in rests]
     session.add_all(rows)
     return rows
 
@@ -199,8 +183,7 @@ def keep_issued(session: Session, publication: Publication, printed: PrintedCert
         raise database.Conflict(interface.CONFLICT, message)
     files.keep_blobs(session, printed.files)
     printed.row.calibration_id, printed.row.publication_id = publication.calibration_id, publication.id
-    session.add(printed.row)
-    session.flush()
+    add(session, printed.row)
 
 
 def find_unissued(session: Session, *, without: Collection[str] = ()) -> str | None:

@@ -16,13 +16,11 @@ from pathlib import Path
 from typing import Final
 
 DATABASE_TIMEOUT_S: Final = 30.0
-SILENCES: Final = 2
-"""A process hangs if it makes no progress for so many times what it may wait for the database."""
+SILENCES: Final = 2  # a process hangs without progress for so many times what it may wait for the database
 _PULSE: Final = "STILB_PULSE"
 UNHEALTHY_EXIT = 1
 _ANSWER_WITHIN_S = 4.0
-_LOOK_AGAIN_S = 6.0
-"""Longer than any part takes from one beat to the next."""
+_LOOK_AGAIN_S = 6.0  # longer than any part takes from one beat to the next
 
 
 class Pulse:
@@ -102,10 +100,8 @@ def main() -> int:
     return 0
 
 
-_LOCK: Final = "hhqqi4x"
-"""Linux's `struct flock`: type, whence, start, length, process."""
-_WRITE_LOCK: Final = 120
-"""Its byte in the file of shared memory, as the format of the write-ahead log says."""
+_LOCK: Final = "hhqqi4x"  # Linux's `struct flock`: type, whence, start, length, process
+_WRITE_LOCK: Final = 120  # its byte in the file of shared memory, as the format of the write-ahead log says
 
 _STOPPED: Final = ("T", "t")
 

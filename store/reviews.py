@@ -69,11 +69,9 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
         unread = sum(row.state == "received" for row in frames)
         waiting = [Cause(f"{unread} of {len(frames)} frames are not read yet", shared.NOT_READ)]
         verdicts = _judge(session, campaign, frames, every, fits.make_params(session, campaign), memory)
+        lacking = waiting[: bool(unread)] if frames else ["no frame: send the frames of the night"]
         return Assessment(
-            missing=group_causes(
-                waiting[: bool(unread)] if frames else ["no frame: send the frames of the night"],
-                shared.FIT_INCOMPLETE,
-            ),
+            missing=group_causes(lacking, shared.FIT_INCOMPLETE),
             advice=(),
             verdicts=verdicts,
             findings=group_findings(_list_reasons(frames, verdicts)),
@@ -85,15 +83,10 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
         fitted, stated = gather(session, campaign, frames=frames, memory=memory), params
     verdicts = _judge(session, campaign, frames, every, usable, memory)
     found = [*_list_lone_readings(frames, every), *_list_reasons(frames, verdicts)]
+    more = () if fitted.outdated else spec.plan(every.frames, every.readings, usable)
     return Assessment(
         missing=group_causes(fits.list_missing(campaign, fitted, stated), shared.FIT_INCOMPLETE),
-        advice=group_causes(
-            [
-                *_name_other_lenses(frames, verdicts),
-                *(() if fitted.outdated else spec.plan(every.frames, every.readings, usable)),
-            ],
-            shared.COULD_IMPROVE,
-        ),
+        advice=group_causes([*_name_other_lenses(frames, verdicts), *more], shared.COULD_IMPROVE),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
         verdicts=verdicts,
         findings=group_findings(found),
@@ -216,15 +209,13 @@ def _explain_left_out(row: FrameColumns, campaign: Campaign) -> str:
 
 log = logging.getLogger(__name__)
 
-_CLAIM = timedelta(minutes=2)
-"""Longer than the largest campaign takes; after a lost worker, another one begins then."""
+_CLAIM = timedelta(minutes=2)  # longer than the largest campaign takes; a lost worker is then replaced
 
 _PAUSE, _LONGEST_PAUSE_S = 4.0, 30.0
 """A worker rests so many times as long as a review took: frames that keep coming are reviewed in batches."""
 
 
-_MOST_REMEMBERED = 20_000
-"""Frames whose decoded parts are kept for the next review of their campaign."""
+_MOST_REMEMBERED = 20_000  # frames whose decoded parts are kept for the next review of their campaign
 
 
 class Reviews:
@@ -233,8 +224,7 @@ class Reviews:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._computing: dict[str, threading.Lock] = defaultdict(threading.Lock)
-        self._memories: dict[str, Memory] = {}
-        """Of the campaigns that were reviewed last: one that grows is reviewed again and again."""
+        self._memories: dict[str, Memory] = {}  # of the last ones: one that grows is reviewed again and again
         self._remembering = threading.Lock()
 
     def find(
@@ -260,9 +250,8 @@ class Reviews:
             self._compute(session, campaign_id)
 
     def _compute(self, session: Session, campaign_id: str) -> Assessment:
-        revision = session.scalars(
-            select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
-        ).one()
+        mine = CampaignReview.campaign_id == campaign_id
+        revision = session.scalars(select(CampaignReview.revision).where(mine)).one()
         began = time.monotonic()
         # a large campaign is a million objects, all of which stay until the end: to search them for garbage
         # takes a third of the time
@@ -306,10 +295,8 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
         mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
         ids = session.scalars(select(FrameRow.id).where(mine)).all()
     columns = [getattr(CampaignReview, name) for name in (*_KEPT, "checklist")]
-    fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
-        CampaignReview.kept_by == hash_code()
-    )
-    row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, fresh)).first()
+    fresh = (CampaignReview.kept_revision == CampaignReview.revision, CampaignReview.kept_by == hash_code())
+    row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, *fresh)).first()
     if row is None:
         return None
     *lists, checklist = row
@@ -317,26 +304,21 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
     if verdicts_of is not None:
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
     reasons = session.execute(select(FrameVerdict.frame_id, FrameVerdict.reasons).where(chosen))
+    verdicts = dict.fromkeys(ids, conclude(()))
+    for frame_id, text in reasons:
+        said = json.loads(text)
+        verdicts[frame_id] = conclude(
+            Reason(code=FINDINGS[code], outcome=outcome, detail=detail) for code, outcome, detail in said
+        )
     return Assessment(
-        **{
-            name: codec.decode(kind, kept or [])
-            for (name, kind), kept in zip(_KEPT.items(), lists, strict=True)
-        },
+        **{name: codec.decode(_KEPT[name], kept or []) for name, kept in zip(_KEPT, lists, strict=True)},
         record=codec.decode(RecordState, checklist) if checklist else None,
-        verdicts=dict.fromkeys(ids, conclude(()))
-        | {
-            frame_id: conclude(
-                Reason(code=FINDINGS[code], outcome=outcome, detail=detail)
-                for code, outcome, detail in json.loads(text)
-            )
-            for frame_id, text in reasons
-        },
+        verdicts=verdicts,
     )
 
 
 def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
-    texts: dict[int, str] = {}
-    """By the reason's identity: frames share most of theirs."""
+    texts: dict[int, str] = {}  # by the reason's identity: frames share most of theirs
 
     def encode_reason(each: Reason) -> str:
         if (text := texts.get(id(each))) is None:
@@ -367,10 +349,8 @@ def _keep(
     if not update_where(session, CampaignReview, unchanged, kept_revision=revision, **values):
         update_where(session, CampaignReview, mine, not_before=values["not_before"])
         return
-    rows = session.execute(
-        select(FrameVerdict.frame_id, FrameVerdict.reasons).where(FrameVerdict.campaign_id == campaign_id)
-    )
-    before = {row[0]: row[1] for row in rows}
+    kept = select(FrameVerdict.frame_id, FrameVerdict.reasons).where(FrameVerdict.campaign_id == campaign_id)
+    before = {row[0]: row[1] for row in session.execute(kept)}
     gone = [frame_id for frame_id, reasons in before.items() if now.get(frame_id) != reasons]
     new = [
         {"frame_id": frame_id, "campaign_id": campaign_id, "reasons": reasons}
@@ -378,9 +358,8 @@ def _keep(
         if before.get(frame_id) != reasons
     ]
     for first in range(0, len(gone), _MOST_AT_ONCE):
-        session.execute(
-            delete(FrameVerdict).where(FrameVerdict.frame_id.in_(gone[first : first + _MOST_AT_ONCE]))
-        )
+        some = FrameVerdict.frame_id.in_(gone[first : first + _MOST_AT_ONCE])
+        session.execute(delete(FrameVerdict).where(some))
     if new:
         session.execute(insert(FrameVerdict), new)
     changed = {*gone, *(row["frame_id"] for row in new)}

@@ -38,10 +38,8 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
 class _Noted:
     own: set[str] = field(default_factory=set)
     shared: set[tuple[type, Any]] = field(default_factory=set)
-    whole: set[str] = field(default_factory=set)
-    """Campaigns that have changed themselves."""
-    frames: dict[str, str] = field(default_factory=dict)
-    """Their campaigns."""
+    whole: set[str] = field(default_factory=set)  # campaigns that have changed themselves
+    frames: dict[str, str] = field(default_factory=dict)  # their campaigns
     of_frames: set[str] = field(default_factory=set)
 
 
@@ -74,10 +72,8 @@ def raise_revisions(session: Session) -> None:
         session.execute(locked.with_for_update())
     # by the connection: to look what a session holds of them costs more than the statement
     raised = update(CampaignReview).where(chosen).values(revision=CampaignReview.revision + 1)
-    revised = session.connection().execute(
-        raised.returning(CampaignReview.campaign_id, CampaignReview.revision)
-    )
-    revisions: dict[str, int] = {row[0]: row[1] for row in revised}
+    returned = raised.returning(CampaignReview.campaign_id, CampaignReview.revision)
+    revisions: dict[str, int] = {row[0]: row[1] for row in session.connection().execute(returned)}
     # an organisation's time zone holds for all frames
     if whole := noted.whole | (changed if any(kind is Organisation for kind, _ in noted.shared) else set()):
         themselves = update(CampaignReview).where(CampaignReview.campaign_id.in_(whole))
@@ -86,9 +82,8 @@ def raise_revisions(session: Session) -> None:
     if described := noted.of_frames - frames.keys():
         found = select(FrameRow.id, FrameRow.campaign_id).where(FrameRow.id.in_(described))
         frames |= {row[0]: row[1] for row in session.execute(found)}
-    stamp_frames(
-        session, [(frame, campaign, revisions[campaign]) for frame, campaign in sorted(frames.items())]
-    )
+    stamps = [(frame, campaign, revisions[campaign]) for frame, campaign in sorted(frames.items())]
+    stamp_frames(session, stamps)
 
 
 def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> None:

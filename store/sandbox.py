@@ -10,12 +10,12 @@ import resource
 import signal
 import sys
 from collections.abc import Callable
+from ctypes import c_uint8, c_uint16, c_uint32, c_uint64
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-Instruction = tuple[int, int, int, int]
-"""Code, instructions to skip if true and if false, value: as the kernel's struct sock_filter."""
+Instruction = tuple[int, int, int, int]  # code, jumps if true and false, value: the kernel's sock_filter
 
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 _ALLOW, _FAIL, _KILL = 0x7FFF0000, 0x00050000 | errno.EPERM, 0x80000000
@@ -25,41 +25,18 @@ OWN_PID: Final = -1
 
 # Linux's numbers; -1 where an architecture does without.
 _ARCHITECTURES: Final = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
-_FREE: Final = {
-    "read": (0, 63),
-    "readv": (19, 65),
-    "recvmsg": (47, 212),  # by which the file comes
-    "write": (1, 64),
-    "writev": (20, 66),
-    "poll": (7, -1),
-    "ppoll": (271, 73),
-    "close": (3, 57),
-    "lseek": (8, 62),
-    "fstat": (5, 80),
-    "munmap": (11, 215),
-    "mremap": (25, 216),
-    "madvise": (28, 233),
-    "brk": (12, 214),
-    "futex": (202, 98),
-    "rseq": (334, 293),  # by a thread that was started before and first runs now: the C library insists
-    "rt_sigaction": (13, 134),
-    "rt_sigprocmask": (14, 135),
-    "rt_sigreturn": (15, 139),
-    "sigaltstack": (131, 132),
-    "restart_syscall": (219, 128),
-    "clock_gettime": (228, 113),
-    "gettimeofday": (96, 169),
-    "getrandom": (318, 278),
-    "getpid": (39, 172),
-    "gettid": (186, 178),
-    "getrusage": (98, 165),
-    "sched_yield": (24, 124),
-    "sched_getaffinity": (204, 123),
-    "getcpu": (309, 168),
-    "sysinfo": (99, 179),
-    "exit": (60, 93),
-    "exit_group": (231, 94),
-}
+_FREE: Final = (
+    {"read": (0, 63), "readv": (19, 65), "write": (1, 64), "writev": (20, 66), "lseek": (8, 62)}
+    | {"recvmsg": (47, 212)}  # by which the file comes
+    | {"poll": (7, -1), "ppoll": (271, 73), "close": (3, 57), "fstat": (5, 80), "futex": (202, 98)}
+    | {"munmap": (11, 215), "mremap": (25, 216), "madvise": (28, 233), "brk": (12, 214)}
+    | {"rseq": (334, 293)}  # by a thread that was started before and first runs now: the C library insists
+    | {"rt_sigaction": (13, 134), "rt_sigprocmask": (14, 135), "rt_sigreturn": (15, 139)}
+    | {"sigaltstack": (131, 132), "restart_syscall": (219, 128), "clock_gettime": (228, 113)}
+    | {"gettimeofday": (96, 169), "getrandom": (318, 278), "getpid": (39, 172), "gettid": (186, 178)}
+    | {"getrusage": (98, 165), "sched_yield": (24, 124), "sched_getaffinity": (204, 123)}
+    | {"getcpu": (309, 168), "sysinfo": (99, 179), "exit": (60, 93), "exit_group": (231, 94)}
+)
 _MMAP, _MPROTECT = (9, 222), (10, 226)
 _FCNTL, _PRLIMIT, _TGKILL = (72, 25), (302, 261), (234, 131)
 _SCHED_SETAFFINITY: Final = (203, 122)
@@ -127,12 +104,7 @@ _NETWORK_SINCE, _SCOPES_SINCE = 4, 6
 _TCP_RIGHTS = 0b11  # bind and connect
 _SCOPES = 0b11  # abstract sockets and signals
 OPEN_FILES: Final = 16
-_LIMITS: Final = (
-    (resource.RLIMIT_CORE, 0),
-    (resource.RLIMIT_FSIZE, 0),
-    (resource.RLIMIT_NPROC, 0),
-    (resource.RLIMIT_NOFILE, OPEN_FILES),
-)
+_LIMITS: Final = dict.fromkeys((resource.RLIMIT_CORE, resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC), 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,24 +141,15 @@ class Sandbox:
 
 
 class _RulesetAttributes(ctypes.Structure):
-    _fields_ = (
-        ("handled_access_fs", ctypes.c_uint64),
-        ("handled_access_net", ctypes.c_uint64),
-        ("scoped", ctypes.c_uint64),
-    )
+    _fields_ = (("handled_access_fs", c_uint64), ("handled_access_net", c_uint64), ("scoped", c_uint64))
 
 
 class _Instruction(ctypes.Structure):
-    _fields_ = (
-        ("code", ctypes.c_uint16),
-        ("if_true", ctypes.c_uint8),
-        ("if_false", ctypes.c_uint8),
-        ("value", ctypes.c_uint32),
-    )
+    _fields_ = (("code", c_uint16), ("if_true", c_uint8), ("if_false", c_uint8), ("value", c_uint32))
 
 
 class _Program(ctypes.Structure):
-    _fields_ = (("length", ctypes.c_uint16), ("instructions", ctypes.c_void_p))
+    _fields_ = (("length", c_uint16), ("instructions", ctypes.c_void_p))
 
 
 class Restrictions:
@@ -212,7 +175,7 @@ class Restrictions:
         landlock = self._landlock if self._restrict_files() else 0
         meanwhile()
         seccomp = self._restrict_calls()
-        for limit, most in _LIMITS:
+        for limit, most in (*_LIMITS.items(), (resource.RLIMIT_NOFILE, OPEN_FILES)):
             resource.setrlimit(limit, (most, most))
         return Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=seccomp)
 

@@ -129,31 +129,28 @@ def _read_all() -> Settings:
     if wrong := list(_misspelt(os.environ)):
         raise SettingsWrong(*wrong)
     read_bucket_secrets()
-    given = {
-        name.removeprefix(_PREFIX): value for name, value in os.environ.items() if name.startswith(_PREFIX)
-    }
+    ours = (each for each in os.environ.items() if each[0].startswith(_PREFIX))
+    given = {name.removeprefix(_PREFIX): value for name, value in ours}
     read: dict[str, Any] = {}
     for field in Settings.model_fields:
         name = field.upper()
         if path := given.get(f"{name}{_IN_FILE}"):
             if given.get(name):
-                raise SettingsWrong(
-                    f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them"
-                )
+                message = f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them"
+                raise SettingsWrong(message)
             read[field] = read_secret(f"{_PREFIX}{name}{_IN_FILE}", path)
         elif name in given:
             read[field] = given[name]
     try:
         return Settings(**read)
     except ValidationError as error:
-        raise SettingsWrong(
-            *(
-                f"{_PREFIX}{str(each['loc'][0]).upper()}: {each['msg']}"
-                if each["loc"]
-                else each["msg"].removeprefix("Value error, ")
-                for each in error.errors()
-            )
-        ) from error
+        raise SettingsWrong(*map(_say, error.errors())) from error
+
+
+def _say(found: Any) -> str:  # noqa: ANN401  one of pydantic's errors
+    if not found["loc"]:
+        return str(found["msg"]).removeprefix("Value error, ")
+    return f"{_PREFIX}{str(found['loc'][0]).upper()}: {found['msg']}"
 
 
 def _misspelt(environment: Mapping[str, str]) -> Iterator[str]:

@@ -11,15 +11,12 @@ FIT_CODE_VERSION = "0.1.17"
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-10"
-"""Of a measurement and its map. Part of a measurement's content hash."""
+MEASURER = "measure-10"  # of a measurement and its map. Part of a measurement's content hash
 
-EXTRACTOR = "extract-5"
-"""Of the decoder and the statistics. Part of an extraction's key."""
+EXTRACTOR = "extract-5"  # of the decoder and the statistics. Part of an extraction's key
 
 
-RENDERER = "render-4"
-"""Of how certificates, reports and plots are laid out and drawn. A kept file of another is rendered again."""
+RENDERER = "render-4"  # of the layout of certificates, reports, plots; those of another are rendered again
 
 
 @cache

@@ -21,8 +21,7 @@ class Cache:
     """A folder of files named by their hash; a file in use is never evicted, whichever process uses it."""
 
     def __init__(self, folder: Path, limit_bytes: int) -> None:
-        self._folder = folder
-        self._limit_bytes = limit_bytes
+        self._folder, self._limit_bytes = folder, limit_bytes
 
     @contextmanager
     def held(self, name: str) -> Iterator[Path | None]:
@@ -180,9 +179,8 @@ class ObjectBlobs(spool.Blobs):
             if damage.sha256 != sha256:
                 raise
             path.unlink(missing_ok=True)
-            raise proof.StorageUnavailable(
-                f"the local copy of {sha256} was damaged and is fetched again"
-            ) from damage
+            message = f"the local copy of {sha256} was damaged and is fetched again"
+            raise proof.StorageUnavailable(message) from damage
 
     @contextmanager
     def _found(self, sha256: str) -> Iterator[None]:
@@ -199,10 +197,8 @@ class ObjectBlobs(spool.Blobs):
         try:
             yield
         except (BaseError, FileNotFoundError) as error:
-            first_line = str(error).partition("\n")[0]
-            raise proof.StorageUnavailable(
-                f"the blob store {self._url} does not serve: {first_line}"
-            ) from error
+            message = f"the blob store {self._url} does not serve: {str(error).partition(chr(10))[0]}"
+            raise proof.StorageUnavailable(message) from error
 
 
 def _key(sha256: str) -> str:

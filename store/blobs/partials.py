@@ -53,15 +53,11 @@ class Facts(Record):
     key_id: str
     campaign_id: str
     size_bytes: int
-    sha256: str | None
-    """Of the whole file, where it was stated."""
-    said: dict[str, str]
-    """Of the frame, as its sender wrote it."""
+    sha256: str | None  # of the whole file, where it was stated
+    said: dict[str, str]  # of the frame, as its sender wrote it
     expires_at: float
-    frame_id: str = ""
-    """Once it is one."""
-    job_id: str = ""
-    """Reads that frame."""
+    frame_id: str = ""  # once it is one
+    job_id: str = ""  # reads that frame
 
 
 class Partials:

@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from urllib.parse import unquote, urlsplit
 
@@ -31,11 +30,10 @@ class BlobWriter:
     """Writes one blob: `with blobs.writer() as w: w.write(...); stored = w.commit()`."""
 
     def __init__(self, folder: Path, place: Place) -> None:
-        self._folder = folder
-        self._place = place
+        self._folder, self._place = folder, place
         self._hash = hashlib.sha256()
         self._digester = proof.PieceDigester()
-        self._size_bytes = 0
+        self.size_bytes = 0
         self._fd = -1
         self._path = folder
 
@@ -50,7 +48,7 @@ class BlobWriter:
         rest = memoryview(chunk)
         self._hash.update(rest)
         self._digester.update(rest)
-        self._size_bytes += rest.nbytes
+        self.size_bytes += rest.nbytes
         with disk_errors_named(self._folder):
             # A nearly full disk takes a part of the bytes before it refuses, so the count must be heeded.
             while rest:
@@ -61,22 +59,16 @@ class BlobWriter:
         """The name that these bytes would get, to be compared with what the sender says before `commit`."""
         return self._hash.hexdigest()
 
-    @property
-    def size_bytes(self) -> int:
-        return self._size_bytes
-
     def commit(self) -> proof.StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
-        stored = proof.StoredBlob(self.sha256, self._size_bytes, self._digester.digests())
+        stored = proof.StoredBlob(self.sha256, self.size_bytes, self._digester.digests())
         with disk_errors_named(self._folder):
             os.fchmod(self._fd, 0o440)
             os.fsync(self._fd)
             self._place(self._path, stored)
         return stored
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         # Some filesystems report a full disk only here; the blob is placed by now or lost anyway.
         with suppress(OSError):
             os.close(self._fd)
@@ -92,9 +84,8 @@ def disk_errors_named(folder: Path) -> Iterator[None]:
         if error.errno in _NO_ROOM:
             raise proof.StorageFull(f"no room left for blobs below {folder}: {error.strerror}") from error
         if error.errno in _BROKEN:
-            raise proof.StorageUnavailable(
-                f"nothing can be written below {folder}: {error.strerror}"
-            ) from error
+            message = f"nothing can be written below {folder}: {error.strerror}"
+            raise proof.StorageUnavailable(message) from error
         raise
 
 
@@ -212,9 +203,8 @@ class LocalBlobs(Blobs):
             with self.writer() as writer:
                 writer.write(b"\0")
         except OSError as error:
-            raise proof.StorageUnavailable(
-                f"blobs cannot be written below {self._folder}: {error.strerror}"
-            ) from error
+            message = f"blobs cannot be written below {self._folder}: {error.strerror}"
+            raise proof.StorageUnavailable(message) from error
 
     def _path(self, sha256: str) -> Path:
         checked_name(sha256)
@@ -251,9 +241,8 @@ class LocalBlobs(Blobs):
         except OSError as error:
             if error.errno in _UNREADABLE:
                 raise proof.BlobDamaged(sha256) from error
-            raise proof.StorageUnavailable(
-                f"blobs cannot be read below {self._folder}: {error.strerror}"
-            ) from error
+            message = f"blobs cannot be read below {self._folder}: {error.strerror}"
+            raise proof.StorageUnavailable(message) from error
 
     def _place(self, temporary: Path, stored: proof.StoredBlob) -> None:
         final = self._path(stored.sha256)

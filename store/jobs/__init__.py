@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import ColumnElement, select, update
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
@@ -23,8 +23,7 @@ SHORTEST_PAUSE = timedelta(seconds=2)
 LONGEST_PAUSE = timedelta(minutes=3)
 FINAL_STATES = ("succeeded", "failed", "quarantined")
 GIVEN_UP = ("failed", "quarantined")
-PREVIEW_LANE = "look"
-"""Of jobs that show a part of a frame; the others of their kind read the frame."""
+PREVIEW_LANE = "look"  # of jobs that show a part of a frame; the others of their kind read the frame
 
 QUARANTINE_AFTER = 3
 
@@ -79,15 +78,8 @@ def enqueue(
     for job in [] if is_new else session.scalars(waiting):
         if job.parameters == parameters:
             return job
-    job = Job(
-        id=new_id("job"),
-        kind=kind,
-        subject_id=subject_id,
-        organisation_id=organisation_id,
-        created_by=by,
-        parameters=parameters,
-        lane=lane or kind,
-    )
+    of = {"kind": kind, "subject_id": subject_id, "organisation_id": organisation_id, "created_by": by}
+    job = Job(id=new_id("job"), parameters=parameters, lane=lane or kind, **of)
     session.add(job)
     touch(session, LANES[job.lane].queue)
     return job
@@ -103,16 +95,8 @@ def enqueue_extraction(
     lane: str | None = None,
 ) -> Job:
     """Add a job that reads this frame, which may be new, and computes whatever its region still lacks."""
-    return enqueue(
-        session,
-        kind="extract",
-        subject_id=frame.id,
-        organisation_id=organisation_id,
-        by=by,
-        parameters={},
-        is_new=is_new,
-        lane=lane,
-    )
+    of = {"kind": "extract", "subject_id": frame.id, "organisation_id": organisation_id, "by": by}
+    return enqueue(session, parameters={}, is_new=is_new, lane=lane, **of)
 
 
 def is_live(session: Session, subject_id: str) -> bool:
@@ -166,17 +150,10 @@ def give_back(session: Session, pids: Collection[int]) -> int:
 def take_back(session: Session, lost: ColumnElement[bool]) -> int:
     """Take back jobs whose workers were lost; how many wait again. The others have lost too many."""
     now, lost = utc_now(), lost & (Job.state == "running")
-    error = {
-        "code": str(interface.WORKER_LOST),
-        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran.",
-        "retryable": False,
-    }
-    ended = (
-        update(Job)
-        .where(lost, Job.lost + 1 >= QUARANTINE_AFTER)
-        .values(state="quarantined", lost=Job.lost + 1, error=error, lease_until=None, finished_at=now)
-    )
-    session.execute(ended.execution_options(synchronize_session=False))
+    detail = f"Its worker was lost {QUARANTINE_AFTER} times while it ran."
+    error = {"code": str(interface.WORKER_LOST), "detail": detail, "retryable": False}
+    ended = {"state": "quarantined", "error": error, "lease_until": None, "finished_at": now}
+    update_where(session, Job, lost & (Job.lost + 1 >= QUARANTINE_AFTER), lost=Job.lost + 1, **ended)
     return _requeue(session, lost, lost=Job.lost + 1)
 
 
@@ -213,16 +190,8 @@ def retry_later(
         return None
     detail = f"{waits_for.label} did not serve. The job is retried automatically, for a day at most."
     pause = min(max((now - since) / 2, SHORTEST_PAUSE), LONGEST_PAUSE) * random.uniform(0.5, 1.0)  # noqa: S311
-    _held(
-        session,
-        held,
-        state="queued",
-        error=error | {"detail": detail},
-        lease_until=None,
-        due_at=now + pause,
-        faulty_since=since,
-        waits_for=None if alone else str(waits_for),
-    )
+    later = {"due_at": now + pause, "faulty_since": since, "waits_for": None if alone else str(waits_for)}
+    _held(session, held, state="queued", error=error | {"detail": detail}, lease_until=None, **later)
     return now + pause
 
 
@@ -235,10 +204,8 @@ def resume(session: Session, waits_for: Dependency) -> int:
 
 def retry(session: Session, chosen: ColumnElement[bool]) -> int:
     """Queue the chosen jobs that failed or were quarantined as if they had never been tried; how many."""
-    forgotten = dict.fromkeys(
-        ("error", "traceback", "faulty_since", "waits_for", "finished_at", "dismissed_at")
-    )
-    return _requeue(session, chosen & Job.state.in_(GIVEN_UP), attempt=0, lost=0, **forgotten)
+    gone = dict.fromkeys(("error", "traceback", "faulty_since", "waits_for", "finished_at", "dismissed_at"))
+    return _requeue(session, chosen & Job.state.in_(GIVEN_UP), attempt=0, lost=0, **gone)
 
 
 def cancel(session: Session, job_id: str) -> None:

@@ -41,16 +41,14 @@ Kind = Literal["service", "worker"]
 State = Literal["working", "hung", "gone"]
 
 BEAT_EVERY_S = 10.0
-STALE_AFTER_S = 35.0
-"""Three missed beats and a moment."""
+STALE_AFTER_S = 35.0  # three missed beats and a moment
 _FORGET_AFTER = timedelta(minutes=10)
 _SLOT_ATTEMPTS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    id: str
-    """Its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free."""
+    id: str  # its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free
     kind: str
     host: str
     pid: int
@@ -71,8 +69,7 @@ class Presence:
     """The heartbeat of this process; call `beat` from the loop that does the work, as often as it turns."""
 
     def __init__(self, database: Database, kind: Kind, **details: Any) -> None:  # noqa: ANN401  JSON
-        self._database = database
-        self._kind = kind
+        self._database, self._kind = database, kind
         self._details = details
         self._id = ""
         self._started_at = utc_now()
@@ -101,11 +98,8 @@ class Presence:
 
     def share(self, counts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         """Write what this process counts for others of its kind, if there are any; return what they wrote."""
-        others = select(PartRow.counts).where(
-            PartRow.kind == self._kind,
-            ~self._is_mine,
-            PartRow.seen_at > utc_now() - timedelta(seconds=STALE_AFTER_S),
-        )
+        live = PartRow.seen_at > utc_now() - timedelta(seconds=STALE_AFTER_S)
+        others = select(PartRow.counts).where(PartRow.kind == self._kind, ~self._is_mine, live)
         try:
             with self._database.reading() as session:
                 found = list(session.scalars(others))
@@ -138,24 +132,15 @@ class Presence:
 
     def _write(self, session: Session, worked_s_ago: float) -> None:
         now = utc_now()
-        values = {
-            "seen_at": now,
-            "worked_at": now - timedelta(seconds=worked_s_ago),
-            "details": self._details,
-        }
+        worked_at = now - timedelta(seconds=worked_s_ago)
+        values = {"seen_at": now, "worked_at": worked_at, "details": self._details}
         if not update_where(session, PartRow, self._is_mine, **values):
             taken = {part.id for part in list_parts(session) if part.state != "gone"}
             slots = (f"{self._kind}-{number}" for number in itertools.count(1))
-            me = {
-                "id": next(slot for slot in slots if slot not in taken),
-                "kind": self._kind,
-                "host": socket.gethostname(),
-                "pid": os.getpid(),
-                "started_at": self._started_at,
-            }
-            session.execute(delete(PartRow).where(PartRow.id == me["id"]))
-            session.execute(insert(PartRow).values(me | values))
-            self._id = str(me["id"])
+            self._id = next(slot for slot in slots if slot not in taken)
+            session.execute(delete(PartRow).where(PartRow.id == self._id))
+            me = {"id": self._id, "kind": self._kind, "host": socket.gethostname(), "pid": os.getpid()}
+            session.execute(insert(PartRow).values(me | {"started_at": self._started_at} | values))
         # Those that ended without a word; one that still runs after all takes a slot again.
         gone = or_(PartRow.seen_at < now - _FORGET_AFTER, PartRow.seen_at > now + _FORGET_AFTER)
         session.execute(delete(PartRow).where(gone))

@@ -43,12 +43,10 @@ LANES: Final = {
 QUEUES: Final = tuple(dict.fromkeys(lane.queue for lane in LANES.values()))
 REVIEW: Final = Lane("fits", "stilb.review")
 CANCEL: Final = Lane("fits", "stilb.cancel")
-WINDOW: Final = 4
-"""Messages of a queue that wait in the broker: who brings one job waits for so many others there."""
+WINDOW: Final = 4  # messages of a queue in the broker: who brings one job waits for so many others there
 LOST_AFTER_S: Final = 2.0
 
-IS_QUEUED = Job.state == literal_column("'queued'")
-"""The condition as the index of queued jobs has it: SQLite compares the words."""
+IS_QUEUED = Job.state == literal_column("'queued'")  # as its index has it: SQLite compares the words
 
 _SILENCE_AFTER_FAILURE_S: Final = 2.0
 _SENT_WITHIN_S: Final = 1.0
@@ -112,14 +110,8 @@ class Post:
         def send() -> None:
             with self._celery.producer_or_acquire() as producer:
                 for lane, task_id, subject_id in messages:
-                    self._celery.send_task(
-                        lane.task,
-                        args=[subject_id],
-                        task_id=task_id,
-                        queue=lane.queue,
-                        producer=producer,
-                        retry=False,
-                    )
+                    way = {"queue": lane.queue, "producer": producer, "retry": False}
+                    self._celery.send_task(lane.task, args=[subject_id], task_id=task_id, **way)
 
         if messages:
             self._attempt(send)
@@ -201,9 +193,8 @@ def _fill(session: Session, queue: str) -> Iterator[Message]:
 
 def _serve_next(session: Session, turn: Turn) -> Message | None:
     """Choose a job of the organisation after the one that was served last."""
-    lanes = [
-        (Job.state == "queued") & (Job.lane == name) for name in LANES if LANES[name].queue == turn.queue
-    ]
+    names = [name for name in LANES if LANES[name].queue == turn.queue]
+    lanes = [(Job.state == "queued") & (Job.lane == name) for name in names]
     if (chosen := _next_organisation(session, lanes, turn.organisation_id)) is None:
         return None
     turn.organisation_id = chosen

@@ -91,8 +91,7 @@ def _panel_u_rel(version: Calibration) -> dict[str, float]:
     return found | {band: line["u_rel"] for band, line in lines if line["source"] == "panel reflectance"}
 
 
-SURE: Final = 2.0
-"""Standard uncertainties of a difference from which on it is significant."""
+SURE: Final = 2.0  # standard uncertainties of a difference from which on it is significant
 
 
 class Side(Record):
@@ -110,13 +109,11 @@ class Side(Record):
 
     @property
     def mean(self) -> dict[str, Any]:
-        mean: dict[str, Any] = self.summary.figures["mean"]
-        return mean
+        return dict(self.summary.figures["mean"])
 
     @property
     def region(self) -> list[list[float]]:
-        outline: list[list[float]] = self.measurement.parameters["polygon"]
-        return outline
+        return list(self.measurement.parameters["polygon"])
 
     @property
     def region_origin(self) -> str:

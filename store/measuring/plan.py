@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.frame.grid import Grid
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
@@ -72,9 +72,7 @@ _FORMAT = ("width_px", "height_px", "cfa", "white_level_dn", "rendered")
 def require_read(frame: FrameRow, method: str) -> None:
     """Refuse a frame that was refused, has not been read, or lacks the exposure that its method needs."""
     if frame.state == "refused":
-        raise InputRejected(
-            shared.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
-        )
+        raise shared.FRAME_NOT_READ.reject(f"Frame {frame.filename} was refused: {frame.refusal_detail}")
     if frame.header is None:
         message = f"Frame {frame.filename} has not been read yet: wait for its job and ask again."
         raise shared.FRAME_NOT_READ.reject(message)
@@ -122,19 +120,15 @@ class Asked(Record):
 
     polygon: Polygon | None = None
     grid: Grid | None = None
-    lanes: LaneGrid | None = None
-    """Geometry of the grid, where it is one of lanes."""
+    lanes: LaneGrid | None = None  # geometry of the grid, where it is one of lanes
     reflectance: float | None = None
     incidence_angle_deg: float | None = None
     index: str | None = None
     quantity: str | None = None
-    frame_ids: tuple[str, ...] | None = None
-    """Frames of one scene that are averaged, the measurement's own first."""
-    conditions: Mapping[str, Any] = field(default_factory=dict)
-    """Surroundings, as the method's application names them."""
+    frame_ids: tuple[str, ...] | None = None  # of one scene, averaged; the measurement's own first
+    conditions: Mapping[str, Any] = field(default_factory=dict)  # surroundings, as the method names them
     products: tuple[str, ...] = field(default=())
-    allow: tuple[str, ...] = field(default=())
-    """Flags of a frame that forbid to measure it, unless they are named here."""
+    allow: tuple[str, ...] = field(default=())  # flags that forbid to measure a frame, unless named here
 
 
 def plan_measurement(
@@ -272,12 +266,8 @@ def _find_conditions(
     return {"conditions": found, **({"conditions_origin": origin} if origin else {})}
 
 
-def _name_version(version: Calibration) -> dict[str, Any]:
-    return {
-        "calibration_id": version.id,
-        "version": version.version,
-        "content_sha256": version.content_sha256,
-    }
+def _name_version(row: Calibration) -> dict[str, Any]:
+    return {"calibration_id": row.id, "version": row.version, "content_sha256": row.content_sha256}
 
 
 def _require_picture(
@@ -310,22 +300,19 @@ def _plan_band(
     bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     radiance = asked.quantity not in (None, application.quantity)
     calibrated = {coefficient.band for coefficient in coefficients}
-    others: list[FrameRow] = []
+    bands: Sequence[str] = ()
     if asked.index is not None:
         if radiance:
-            raise InputRejected(
-                shared.OPTION_NOT_OF_METHOD, "An index is made of reflectances: leave quantity out."
-            )
+            message = "An index is made of reflectances: leave quantity out."
+            raise shared.OPTION_NOT_OF_METHOD.reject(message)
         formula = application.read_formula(asked.index, known=calibrated)
         plan |= {"index": formula.name}
-        others = [captures.find(frame, band) for band in formula.bands[1:]]
+        bands = formula.bands[1:]
     elif "bands" in asked.products:
         mine = (frame.header or {})["multispectral"]["band"]
-        others = [
-            captures.find(frame, band)
-            for band in sorted(captures.list_bands(frame))
-            if band != mine and (radiance or band in calibrated)
-        ]
+        there = sorted(captures.list_bands(frame))
+        bands = [band for band in there if band != mine and (radiance or band in calibrated)]
+    others = [captures.find(frame, band) for band in bands]
     for other in others:
         require_whole(other, read_proof(other), asked.allow)
     headers = [header, *(decode_header(other.header or {}) for other in others)]
@@ -350,11 +337,9 @@ def read_request(application: SurfaceApplication, parameters: dict[str, Any]) ->
     """Return the request of a plan, as the method takes it."""
     grid = parameters.get("grid")
     # measurements made before conditions could be stated have none
-    stated = (
-        {"conditions": decode(application.conditions, parameters["conditions"])}
-        if "conditions" in parameters
-        else {}
-    )
+    stated = {}
+    if "conditions" in parameters:
+        stated["conditions"] = decode(application.conditions, parameters["conditions"])
     return application.request(
         polygon=Polygon.from_points(parameters["polygon"]),
         grid=decode(Grid, grid) if grid else None,

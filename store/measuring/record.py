@@ -13,6 +13,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.records import Record
 from store import files, software
 from store.blobs import StoredBlob
+from store.queries import add
 from store.ready.rows import make_measured
 from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement, new_id
 
@@ -80,8 +81,7 @@ def write_measurement(
         map_png_sha256=products.png.sha256 if products else None,
         created_by=by,
     )
-    session.add(measurement)
-    session.flush()
+    add(session, measurement)
     camera = session.get_one(Camera, calibration.camera_id)
     session.execute(insert(MeasuredRow), [make_measured(measurement, frame, calibration, camera)])
     return measurement

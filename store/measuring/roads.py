@@ -116,13 +116,7 @@ def _find_geometry(
 
 
 def write_result(
-    session: Session,
-    row: Road,
-    parameters: Json,
-    result: Json,
-    picture: StoredBlob | None,
-    *,
-    by: str,
+    session: Session, row: Road, parameters: Json, result: Json, picture: StoredBlob | None, *, by: str
 ) -> RoadResult:
     """Write an evaluation once; the same content again is the one that exists."""
     if picture is not None:

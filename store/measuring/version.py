@@ -70,24 +70,14 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
     taken = frame_times.read_frame_time(frame, frame_times.read_zones(session, campaign))
     if (own := _find_own(session, frame, campaign, taken)) is not None:
         when = f"the frame was taken at {taken.describe()}" if taken else "the frame states no usable time"
-        return (
-            own,
-            f"{own.sentence()}, it is of the frame's own campaign and {when}: {own.publication.reason}",
-        )
+        said = f"{own.sentence()}, it is of the frame's own campaign and {when}"
+        return own, f"{said}: {own.publication.reason}"
     if taken is None:
         stated = (frame.header or {}).get("taken_at")
         raise frame_times.refuse_timeless(frame.filename, stated, wanted="calibration")
-    found = [
-        held
-        for held in in_force(
-            session,
-            camera_id=campaign.camera_id,
-            method=campaign.method,
-            at=taken.earliest,
-            until=taken.latest,
-        )
-        if _fits(held.calibration.configuration, frame)
-    ]
+    of = {"camera_id": campaign.camera_id, "method": campaign.method}
+    then = in_force(session, **of, at=taken.earliest, until=taken.latest)
+    found = [held for held in then if _fits(held.calibration.configuration, frame)]
     whole = [held for held in found if held.holds(taken.earliest, taken.latest)]
     if len(whole) != 1:
         raise Conflict(
@@ -110,11 +100,8 @@ def _explain_none(
     unknown = "since neither its file nor its campaign or organisation states a time zone"
     if taken.zone:
         unknown = "since its clock was changed in that night"
-    earliest, latest = write_instant(taken.earliest), write_instant(taken.latest)
-    return (
-        f"that is some time from {earliest} to {latest}, {unknown}: "
-        f"{found[0].sentence()}, not during all of it"
-    )
+    between = f"from {write_instant(taken.earliest)} to {write_instant(taken.latest)}"
+    return f"that is some time {between}, {unknown}: {found[0].sentence()}, not during all of it"
 
 
 def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
@@ -133,8 +120,7 @@ class _Light:
     roi: Roi
 
     def channels(self, application: SurfaceApplication, params: Any) -> tuple[str, ...]:  # noqa: ANN401
-        named: tuple[str, ...] = application.name_channels(self.header.cfa, channel=params.channel)
-        return named
+        return tuple(application.name_channels(self.header.cfa, channel=params.channel))
 
 
 def choose_falloff(

@@ -20,6 +20,13 @@ def group_by(rows: Iterable[_R], key: Callable[[_R], _K]) -> Mapping[_K, list[_R
     return found
 
 
+def add(session: Session, row: _Row) -> _Row:
+    """Add a row and write it, so that it has what the database gives it."""
+    session.add(row)
+    session.flush()
+    return row
+
+
 def by_id(session: Session, table: type[_Row], ids: Collection[str | None]) -> dict[str, _Row]:
     return {row.id: row for row in session.scalars(select(table).where(table.id.in_(ids)))}
 

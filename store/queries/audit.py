@@ -1,6 +1,5 @@
 """Entries of an organisation's audit trail: chosen, named, and its chain checked piece by piece."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from typing import Any
@@ -11,6 +10,7 @@ from sqlalchemy.orm import Session
 from radiometry.methods import get_method
 from store import tables
 from store.database import Database
+from store.queries import by_id, group_by
 
 _PAGE = 1000
 _RECENT = 20
@@ -75,18 +75,12 @@ def name_entries(session: Session, entries: Sequence[tables.AuditEntry]) -> list
     ids = {each for entry in entries for each in (entry.actor, entry.subject_id)}
     found = _read_rows(session, ids)
     found |= _read_rows(session, {about for row in found.values() if (about := _about(row))} - found.keys())
-    return [
-        {
-            name: value
-            for name, value in (
-                ("actor_name", _name(found, entry.actor)),
-                ("subject_name", _name(found, entry.subject_id)),
-                ("about_id", _about(found.get(entry.subject_id))),
-            )
-            if value
-        }
-        for entry in entries
-    ]
+    named = []
+    for entry in entries:
+        told = {"actor_name": _name(found, entry.actor), "subject_name": _name(found, entry.subject_id)}
+        told["about_id"] = _about(found.get(entry.subject_id))
+        named.append({name: value for name, value in told.items() if value})
+    return named
 
 
 def name_last_actor(session: Session, subject_id: str) -> str | None:
@@ -96,14 +90,11 @@ def name_last_actor(session: Session, subject_id: str) -> str | None:
 
 
 def _read_rows(session: Session, ids: set[str]) -> dict[str, Any]:
-    kinds: dict[str, set[str]] = defaultdict(set)
-    for each in ids:
-        kinds[each[:3]].add(each)
-    return {
-        row.id: row
-        for kind in kinds.keys() & NAMES.keys()
-        for row in session.scalars(select(NAMES[kind][0]).where(NAMES[kind][0].id.in_(kinds[kind])))
-    }
+    kinds = group_by(ids, lambda each: each[:3])
+    found: dict[str, Any] = {}
+    for kind in kinds.keys() & NAMES.keys():
+        found |= by_id(session, NAMES[kind][0], kinds[kind])
+    return found
 
 
 def _about(row: Any) -> str | None:  # noqa: ANN401  of one of the tables above

@@ -4,6 +4,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable
 from datetime import datetime
+from operator import attrgetter, itemgetter
 from typing import Any
 
 from sqlalchemy import select
@@ -36,13 +37,10 @@ class FrameAsUsed(Record):
     taken_at: str | None
     warnings: list[str]
     preview_sha256: str | None
-    size_px: tuple[int, int] | None
-    """Width and height; None of a frame that was never read."""
+    size_px: tuple[int, int] | None  # width and height; None of a frame that was never read
     statistics: list[ChannelStatistics]
-    found_by: FoundBy | None
-    """How the region that was used was found; None where it was drawn or is the whole frame."""
-    panel_serial: str | None
-    """Of the panel that the frame shows, as its code states it."""
+    found_by: FoundBy | None  # how the region that was used was found; None: drawn, or the whole frame
+    panel_serial: str | None  # of the panel that the frame shows, as its code states it
 
 
 class CalibrationRecord(Record):
@@ -115,10 +113,7 @@ def _readings_used(session: Session, calibration: tables.Calibration) -> list[ta
     for reading, meter in rows:
         name = f"{meter.make} {meter.model} {meter.serial}" if meter else None
         waiting[reading.scene, reading.quantity, reading.value, name].append(reading)
-    keys = [
-        (used["scene"], used["quantity"], used["value"], used["meter"])
-        for used in calibration.inputs["readings"]
-    ]
+    keys = map(itemgetter("scene", "quantity", "value", "meter"), calibration.inputs["readings"])
     return [waiting[key].pop() if waiting[key] else None for key in keys]
 
 
@@ -127,16 +122,12 @@ def _meters_used(
 ) -> dict[str, MeterAsUsed]:
     ids = {reading.meter_id for reading in readings if reading and reading.meter_id}
     meters = session.scalars(select(tables.Meter).where(tables.Meter.id.in_(ids)).order_by(tables.Meter.id))
+    names = ("kind", "make", "model", "serial")
+    of_row, of_used = attrgetter(*names), itemgetter(*names)
     certificates = {
-        (used["kind"], used["make"], used["model"], used["serial"]): used.get("certificate", {})
-        for used in calibration.inputs.get("meters", [])
+        of_used(used): used.get("certificate", {}) for used in calibration.inputs.get("meters", [])
     }
-    return {
-        meter.id: MeterAsUsed(
-            row=meter, certificate=certificates[meter.kind, meter.make, meter.model, meter.serial]
-        )
-        for meter in meters
-    }
+    return {meter.id: MeterAsUsed(row=meter, certificate=certificates[of_row(meter)]) for meter in meters}
 
 
 def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str, FrameAsUsed]:
@@ -174,8 +165,7 @@ def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str,
     }
 
 
-_COVERAGE_FACTOR = 2.0
-"""Of a figure whose method states none: about 95 % of a normal distribution."""
+_COVERAGE_FACTOR = 2.0  # of a figure whose method states none: about 95 % of a normal distribution
 
 _IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
 

@@ -32,22 +32,18 @@ class VersionStatus(Record):
     valid_from: datetime | None = None
     valid_to: datetime | None = None
     superseded_by: str | None = None
-    successor: int | None = None
-    """The number of the version that ``superseded_by`` is the id of."""
+    successor: int | None = None  # the number of the version that ``superseded_by`` is the id of
     revoked_reason: str | None = None
 
 
 def read_version_statuses(session: Session, calibration_ids: list[str]) -> dict[str, VersionStatus]:
-    revoked = {
-        row.calibration_id: row
-        for row in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(calibration_ids)))
-    }
+    ended = session.scalars(select(Revocation).where(Revocation.calibration_id.in_(calibration_ids)))
+    revoked = {row.calibration_id: row for row in ended}
     mine = select(Publication).where(Publication.calibration_id.in_(calibration_ids))
     rows = session.scalars(mine.order_by(Publication.known_from, Publication.valid_from))
     published = group_by(rows, lambda row: row.calibration_id)
-    return _name_successors(
-        session, {key: _find_status(published[key], revoked.get(key)) for key in calibration_ids}
-    )
+    statuses = {key: _find_status(published[key], revoked.get(key)) for key in calibration_ids}
+    return _name_successors(session, statuses)
 
 
 def _name_successors(session: Session, found: dict[str, VersionStatus]) -> dict[str, VersionStatus]:
@@ -56,8 +52,7 @@ def _name_successors(session: Session, found: dict[str, VersionStatus]) -> dict[
     rows = session.execute(select(Calibration.id, Calibration.version).where(Calibration.id.in_(ids)))
     numbers = {row[0]: row[1] for row in rows}
     return {
-        key: replace(status, successor=numbers.get(status.superseded_by or ""))
-        for key, status in found.items()
+        key: replace(each, successor=numbers.get(each.superseded_by or "")) for key, each in found.items()
     }
 
 
@@ -150,24 +145,12 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
     found = [Decision(act="made", calibration=row, at=row.created_at, by=row.created_by) for row in rows]
     for act in list_publishings(session, select(Slot.id).where(Slot.camera_id == camera_id)):
         row = act.publication
-        found.append(
-            Decision(
-                act="published",
-                calibration=versions[row.calibration_id],
-                at=row.known_from,
-                by=act.by,
-                reason=row.reason,
-                valid_from=row.valid_from,
-                valid_to=row.valid_to,
-            )
-        )
+        said = {name: getattr(row, name) for name in ("reason", "valid_from", "valid_to")}
+        version = versions[row.calibration_id]
+        found.append(Decision(act="published", calibration=version, at=row.known_from, by=act.by, **said))
     for end in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(versions))):
-        version = versions[end.calibration_id]
-        found.append(
-            Decision(
-                act="revoked", calibration=version, at=end.revoked_at, by=end.revoked_by, reason=end.reason
-            )
-        )
+        said = {"at": end.revoked_at, "by": end.revoked_by, "reason": end.reason}
+        found.append(Decision(act="revoked", calibration=versions[end.calibration_id], **said))
     return sorted(found, key=lambda each: (each.at, each.calibration.id), reverse=True)
 
 
@@ -218,10 +201,8 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
     if not spec.of_one_flight:
         return []
     measured = select(Measurement.frame_id).where(Measurement.calibration_id == calibration.id)
-    to_measure = (FrameRow.campaign_id == calibration.campaign_id) & FrameRow.role.in_(
-        spec.applied_role_names
-    )
-    to_measure &= FrameRow.withdrawn_at.is_(None)
+    to_measure = FrameRow.role.in_(spec.applied_role_names) & FrameRow.withdrawn_at.is_(None)
+    to_measure &= FrameRow.campaign_id == calibration.campaign_id
     wanted = or_(FrameRow.id.in_(measured), to_measure) & FrameRow.header.is_not(None)
     stated = session.scalars(select(FrameRow.header["taken_at"].as_string()).where(wanted).distinct())
     times = (datetime.fromisoformat(each) for each in stated if each is not None)

@@ -15,6 +15,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from radiometry.records import Record, about
 from store import jobs
+from store.queries import add
 from store.queries.frame_times import find_time, read_zones
 from store.queries.frames import Placed, extractor_of, region_ids
 from store.tables import (
@@ -33,11 +34,9 @@ from store.tables import (
 )
 from store.tables.base import new_id
 
-RENEWAL_LANE: Final = "renewal"
-"""Of frames that are read again in the background."""
+RENEWAL_LANE: Final = "renewal"  # of frames that are read again in the background
 _HASTENED: Final = 100
-_FEW = 500
-"""Jobs that are read at once to find those of one campaign."""
+_FEW = 500  # jobs that are read at once to find those of one campaign
 
 
 class Counts(Record):
@@ -73,16 +72,12 @@ def count_being_read(session: Session, campaign: Campaign) -> int:
     """Frames of which more will be known without anybody doing anything."""
     # the condition as its index has it, in the index's order: SQLite would read every job that waits
     waits = Job.state.in_([literal_column("'queued'"), literal_column("'running'")])
-    live = (
-        waits & (Job.kind == literal_column("'extract'")) & (Job.organisation_id == campaign.organisation_id)
-    )
+    mine = Job.organisation_id == campaign.organisation_id
+    live = waits & (Job.kind == literal_column("'extract'")) & mine
     few = session.scalars(select(Job.subject_id).where(live).order_by(Job.subject_id).limit(_FEW + 1)).all()
     # a long queue is not read for each campaign: each of its frames is then looked up
-    busy = (
-        FrameRow.id.in_(few)
-        if len(few) <= _FEW
-        else select(Job.id).where(Job.subject_id == FrameRow.id, live).exists()
-    )
+    each = select(Job.id).where(Job.subject_id == FrameRow.id, live).exists()
+    busy = FrameRow.id.in_(few) if len(few) <= _FEW else each
     return session.scalar(select(func.count()).where(FrameRow.campaign_id == campaign.id, busy)) or 0
 
 
@@ -113,20 +108,12 @@ def find_or_add_roi(session: Session, organisation_id: str, drawing: Drawing) ->
     found = session.scalar(
         select(Roi).where(Roi.organisation_id == organisation_id, Roi.sha256 == drawing.sha256)
     )
-    if found is None:
-        parts = [
-            {"name": part.name, "points": [list(p) for p in part.polygon.points]} for part in drawing.parts
-        ]
-        found = Roi(
-            id=new_id("roi"),
-            organisation_id=organisation_id,
-            sha256=drawing.sha256,
-            points=[list(corner) for corner in drawing.corners],
-            parts=parts or None,
-        )
-        session.add(found)
-        session.flush()
-    return found
+    if found is not None:
+        return found
+    parts = [{"name": part.name, "points": [list(p) for p in part.polygon.points]} for part in drawing.parts]
+    row = Roi(id=new_id("roi"), organisation_id=organisation_id, sha256=drawing.sha256, parts=parts or None)
+    row.points = [list(corner) for corner in drawing.corners]
+    return add(session, row)
 
 
 def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[Job]:
@@ -242,10 +229,8 @@ def read_grid(
     frames = [dict(row._mapping) for row in rows]  # noqa: SLF001  the public name of a row's mapping
     if not frames:
         return frames
-    placed = [
-        Placed(f["id"], f["roi_id"], (f["width_px"], f["height_px"]) if f["width_px"] else None)
-        for f in frames
-    ]
+    sizes = [(f["width_px"], f["height_px"]) if f["width_px"] else None for f in frames]
+    placed = [Placed(f["id"], f["roi_id"], size) for f, size in zip(frames, sizes, strict=True)]
     regions = region_ids(session, campaign, placed)
     within = chosen & FrameRow.id.between(frames[0]["id"], frames[-1]["id"])
     measured, zones = _read_signals(session, campaign, within), read_zones(session, campaign)
@@ -256,11 +241,8 @@ def read_grid(
         read = taken is not None and (taken.is_known or taken.zone is not None)
         frame["instant"] = taken.earliest.astimezone(UTC) if taken and read else None
         frame["time_zone"] = taken.zone if taken else None
-        found = frame.pop("found") or {}
-        own = frame["roi_id"] is not None
-        frame["roi_origin"] = (
-            ("found" if found.get("roi_id") == frame["roi_id"] else "drawn") if own else None
-        )
+        origin = "found" if (frame.pop("found") or {}).get("roi_id") == frame["roi_id"] else "drawn"
+        frame["roi_origin"] = None if frame["roi_id"] is None else origin
     return frames
 
 
@@ -290,8 +272,7 @@ def _average(by_channel: dict[str, float]) -> float:
     return sum(used) / len(used)
 
 
-MOST_KEPT: Final = 32
-"""Of an organisation: with the largest crop there is they take 32 MiB of the database."""
+MOST_KEPT: Final = 32  # of an organisation: with the largest crop there is they take 32 MiB of the database
 
 
 def say_asked(window: Sequence[int], low_dn: float | None, high_dn: float | None) -> str:
@@ -307,8 +288,7 @@ def find_crop_job(session: Session, frame: FrameRow, asked: str) -> Job | None:
 
 def keep_crop(session: Session, crop: Crop) -> None:
     """Add a crop, and delete the oldest of its organisation beyond the most that are kept."""
-    session.add(crop)
-    session.flush()
+    add(session, crop)
     owns = Crop.organisation_id == crop.organisation_id
     last = session.scalar(select(Crop.id).where(owns).order_by(Crop.id.desc()).offset(MOST_KEPT).limit(1))
     if last is not None:
@@ -350,13 +330,8 @@ def read_stored(session: Session, campaign_id: str, hashes: set[str]) -> Mapping
     """Return the campaign's frames with these bytes and their files, withdrawn and refused ones included."""
     rows = session.execute(
         select(
-            FrameRow.sha256,
-            FrameRow.id.label("frame_id"),
-            FrameRow.state,
-            FrameRow.refusal_code,
-            FrameRow.withdrawn_at,
-            FrameRow.created_at.label("received_at"),
-            Blob.size_bytes,
+            *(FrameRow.sha256, FrameRow.state, FrameRow.refusal_code, FrameRow.withdrawn_at, Blob.size_bytes),
+            *(FrameRow.id.label("frame_id"), FrameRow.created_at.label("received_at")),
             Blob.proven_at.label("hash_checked_at"),
         )
         .join(Blob, Blob.sha256 == FrameRow.sha256)

@@ -30,8 +30,7 @@ from store.tables import (
 )
 from store.tables.base import utc_now
 
-BY_ITSELF = "stilb"
-"""Who ticked what follows from the record."""
+BY_ITSELF = "stilb"  # who ticked what follows from the record
 
 KEYS = frozenset(item.key for item in ITEMS)
 
@@ -67,10 +66,8 @@ def read_checklist(session: Session, campaign: Campaign, record: RecordState | N
     if record is None:
         return []
     found, times = record.findings, record.times
-    ticks = {
-        tick.key: tick
-        for tick in session.scalars(select(ChecklistTick).where(ChecklistTick.campaign_id == campaign.id))
-    }
+    rows = session.scalars(select(ChecklistTick).where(ChecklistTick.campaign_id == campaign.id))
+    ticks = {tick.key: tick for tick in rows}
     return [_stand(item, found.get(item.key), ticks.get(item.key), times) for item in ITEMS]
 
 
@@ -86,9 +83,8 @@ def set_tick(
     session: Session, campaign: Campaign, key: str, *, done: bool, note: str | None, by: str
 ) -> None:
     """Tick or untick an item; a note stays until another takes its place."""
-    if (tick := session.get(ChecklistTick, (campaign.id, key))) is None:
-        tick = ChecklistTick(campaign_id=campaign.id, key=key)
-        session.add(tick)
+    tick = session.get(ChecklistTick, (campaign.id, key)) or ChecklistTick(campaign_id=campaign.id, key=key)
+    session.add(tick)
     if done != (tick.done_by is not None):
         tick.done_by, tick.done_at = (by, utc_now()) if done else (None, None)
     if note is not None:
@@ -97,9 +93,8 @@ def set_tick(
 
 def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
     """Sign the checklist as it stands; a new signature replaces the one before."""
-    if (signature := read_signature(session, campaign)) is None:
-        signature = ChecklistSignature(campaign_id=campaign.id)
-        session.add(signature)
+    signature = read_signature(session, campaign) or ChecklistSignature(campaign_id=campaign.id)
+    session.add(signature)
     signature.name, signature.signed_by, signature.signed_at = name, by, utc_now()
     session.flush()
     signature.state_sha256 = hash_state(session, campaign)
@@ -125,9 +120,8 @@ def hash_state(session: Session, campaign: Campaign) -> str:
     )
     # a column of JSON knows two kinds of nothing
     rows = [[[None if v == "null" else v for v in row] for row in session.execute(part)] for part in parts]
-    return hashlib.sha256(
-        json.dumps([details, started, *rows, *([stated] if stated else [])]).encode()
-    ).hexdigest()
+    signed = json.dumps([details, started, *rows, *([stated] if stated else [])])
+    return hashlib.sha256(signed.encode()).hexdigest()
 
 
 def _is_valid(campaign: Campaign) -> ColumnElement[bool]:
@@ -146,8 +140,7 @@ def _stand(
     undone = finding is not None and not finding.done
     by, at = (tick.done_by, tick.done_at) if tick and not undone else (None, None)
     if tick is None and finding is not None and finding.done:
-        by = BY_ITSELF
-        at = times.get(item.key) or times[finding.source]
+        by, at = BY_ITSELF, times.get(item.key) or times[finding.source]
     return ChecklistItem(
         key=item.key,
         section=item.section,

@@ -109,9 +109,8 @@ def find_offer(session: Session, campaign: Campaign) -> Offer | None:
 
 def find_by_serial(session: Session, organisation_id: str, serial: str) -> Panel | None:
     """The last measurement of a registered panel; its serial number may be written in any way."""
-    panels = session.scalars(
-        select(Panel).where(Panel.organisation_id == organisation_id).order_by(Panel.measured_on.desc())
-    )
+    mine = select(Panel).where(Panel.organisation_id == organisation_id)
+    panels = session.scalars(mine.order_by(Panel.measured_on.desc()))
     return next((panel for panel in panels if name_panel(panel.serial) == name_panel(serial)), None)
 
 
@@ -175,17 +174,12 @@ class Evidence(records.Record):
     names: dict[str, str]
     hashes: dict[str, str]
     headers: dict[str, FrameHeader]
-    offsets: dict[str, str]
-    """Of clocks that state none, in the zone stated for them; only of methods with readings."""
+    offsets: dict[str, str]  # of clocks without, in the zone stated for them; only of methods with readings
     rois: dict[str, str]
-    unread: list[str]
-    """Frames of which nothing is known yet."""
-    outdated: list[str]
-    """Ids of frames whose statistics are of an earlier extractor or another target: they are read again."""
-    doubtful: tuple[Exclusion, ...]
-    """Frames that no fit may use: those that a person left out, and those whose pixels are doubtful."""
-    references: dict[str, list[dict[str, Any]]]
-    """What the readings were made with, as it is now: meters with their certificates, panels."""
+    unread: list[str]  # frames of which nothing is known yet
+    outdated: list[str]  # ids of frames read by an earlier extractor or for another target: read again
+    doubtful: tuple[Exclusion, ...]  # for no fit: left out by a person, or of doubtful pixels
+    references: dict[str, list[dict[str, Any]]]  # what readings were made with, as it is now: meters, panels
 
 
 def gather(

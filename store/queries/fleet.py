@@ -44,20 +44,15 @@ def list_sources(
     serials = {camera.id: camera.serial for camera in cameras}
     version, first = tables.Publication.calibration_id, func.min(tables.Publication.valid_from)
     published = select(version, first.label("valid_from")).group_by(version).subquery()
+    made = tables.Calibration
+    columns = (made.id, made.camera_id, made.campaign_id, made.configuration, tables.Campaign.started_at)
     rows = session.execute(
-        select(
-            tables.Calibration.id,
-            tables.Calibration.camera_id,
-            tables.Calibration.campaign_id,
-            tables.Calibration.configuration,
-            tables.Campaign.started_at,
-            published.c.valid_from,
-        )
-        .join(published, published.c.calibration_id == tables.Calibration.id)
-        .join(tables.Campaign, tables.Campaign.id == tables.Calibration.campaign_id)
-        .where(tables.Calibration.camera_id.in_(serials), tables.Calibration.method == method)
-        .where(tables.Calibration.id.not_in(select(tables.Revocation.calibration_id)))
-        .order_by(tables.Calibration.camera_id, tables.Calibration.version)
+        select(*columns, published.c.valid_from)
+        .join(published, published.c.calibration_id == made.id)
+        .join(tables.Campaign, tables.Campaign.id == made.campaign_id)
+        .where(made.camera_id.in_(serials), made.method == method)
+        .where(made.id.not_in(select(tables.Revocation.calibration_id)))
+        .order_by(made.camera_id, made.version)
     ).all()
     written = _read_lenses(session, {row.campaign_id for row in rows})
     return [
@@ -81,9 +76,7 @@ def _read_lenses(session: Session, campaign_ids: set[str]) -> dict[str, str]:
     first = select(func.min(frame.id)).where(read).group_by(frame.campaign_id)
     rows = session.execute(select(frame.campaign_id, frame.header).where(frame.id.in_(first)))
     headers = ((campaign_id, header or {}) for campaign_id, header in rows)
-    return {
-        campaign_id: header["lens_serial"] for campaign_id, header in headers if header.get("lens_serial")
-    }
+    return {key: header["lens_serial"] for key, header in headers if header.get("lens_serial")}
 
 
 METHOD, SPEC = next((each.name, each.rig) for each in METHODS if each.rig)
@@ -97,14 +90,10 @@ def list_cameras(session: Session, rig: tables.Rig) -> list[tables.Camera]:
 def list_versions(session: Session, camera: tables.Camera) -> tuple[list[RigVersion], tuple[LeftOut, ...]]:
     """The published versions of a camera that its rig's orientation can follow from, one per campaign."""
     kept, left_out = keep_repeats(list_sources(session, [camera], METHOD, {}))
-    found = [
-        RigVersion(
-            version=source.version,
-            at=source.at,
-            member=read_member(session, session.get_one(tables.Calibration, source.version), camera),
-        )
-        for source in kept
-    ]
+    found = []
+    for source in kept:
+        member = read_member(session, session.get_one(tables.Calibration, source.version), camera)
+        found.append(RigVersion(version=source.version, at=source.at, member=member))
     return found, left_out
 
 

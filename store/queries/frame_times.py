@@ -116,10 +116,9 @@ def find_time(stated: str | None, zones: Zones, *, system: str | None = None) ->
     at: datetime = _INSTANT.validate_python(stated)
     if not has_set_clock(at):
         return None
-    if at.tzinfo is not None:
-        return FrameTime(stated=stated, earliest=at, latest=at)
-    if zones.campaign is None and writes_utc(system):
+    if at.tzinfo is None and zones.campaign is None and writes_utc(system):
         at = at.replace(tzinfo=UTC)
+    if at.tzinfo is not None:
         return FrameTime(stated=stated, earliest=at, latest=at)
     if zones.stated is None:
         at = at.replace(tzinfo=UTC)
@@ -127,14 +126,8 @@ def find_time(stated: str | None, zones: Zones, *, system: str | None = None) ->
     # an hour that a clock shows twice, or skips, in the night when it is changed
     zone = _read_zone(zones.stated)
     instants = [at.replace(tzinfo=zone, fold=fold).astimezone(UTC) for fold in (0, 1)]
-    whose = "campaign" if zones.campaign else "organisation"
-    return FrameTime(
-        stated=stated,
-        earliest=min(instants),
-        latest=max(instants),
-        zone=zones.stated,
-        why=f"as its {whose} states",
-    )
+    why = f"as its {'campaign' if zones.campaign else 'organisation'} states"
+    return FrameTime(stated=stated, earliest=min(instants), latest=max(instants), zone=zones.stated, why=why)
 
 
 def find_offset(header: FrameHeader | None, zones: Zones) -> str | None:

@@ -23,7 +23,7 @@ from store import blobs, codec, jobs, software
 from store.blobs.proof import digest_piece
 from store.database import Conflict, read_plainly
 from store.files import keep_blobs
-from store.queries import group_by
+from store.queries import add, group_by
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Json, Roi, new_id
 
 
@@ -102,17 +102,8 @@ def find_or_add_frames(
         if key in known:
             frames.append(_find_again(session, known[key], new))
             continue
-        known[key] = FrameRow(
-            id=new_id("frm"),
-            campaign_id=campaign.id,
-            sha256=new.blob.sha256,
-            filename=new.filename,
-            role=new.role,
-            scene=new.scene,
-            roi_id=new.roi_id,
-            supplied=new.supplied,
-            state="received",
-        )
+        said = {name: getattr(new, name) for name in ("filename", "role", "scene", "roi_id", "supplied")}
+        known[key] = FrameRow(id=new_id("frm"), campaign_id=key[0], sha256=key[1], state="received", **said)
         session.add(known[key])
         frames.append((known[key], True, True))
     session.flush()
@@ -205,19 +196,10 @@ def find_equal_extraction(session: Session, frame: FrameRow, roi: Roi, extractor
 
 
 def add_extraction(
-    session: Session,
-    frame: FrameRow,
-    roi: Roi,
-    extractor: str,
-    *,
-    rows: list[dict[str, Any]],
-    features: dict[str, Any] | None,
+    session: Session, frame: FrameRow, roi: Roi, extractor: str, *, rows: list[Json], features: Json | None
 ) -> None:
-    extraction = Extraction(
-        id=new_id("ext"), frame_id=frame.id, roi_id=roi.id, extractor=extractor, features=features
-    )
-    session.add(extraction)
-    session.flush()
+    key = {"id": new_id("ext"), "frame_id": frame.id, "roi_id": roi.id}
+    extraction = add(session, Extraction(**key, extractor=extractor, features=features))
     session.add_all([ChannelRow(extraction_id=extraction.id, **row) for row in rows])
     session.flush()
 
@@ -288,18 +270,12 @@ _PLAIN: tuple[InstrumentedAttribute[Any], ...] = (
     *(FrameRow.state, FrameRow.refusal_detail),
 )
 _JSON = (
-    FrameRow.warnings,
-    FrameRow.left_out,
-    FrameRow.found,
-    FrameRow.header,
-    FrameRow.exposure,
-    FrameRow.proof,
+    *(FrameRow.warnings, FrameRow.left_out, FrameRow.found),
+    *(FrameRow.header, FrameRow.exposure, FrameRow.proof),
 )
-_ID = len(_JSON)
-"""Place of the id in a row."""
+_ID = len(_JSON)  # place of the id in a row
 
-_MOST_NAMED = 500
-"""More extractions than this are not named one by one in a query."""
+_MOST_NAMED = 500  # more extractions than this are not named one by one in a query
 
 
 def read_frames(

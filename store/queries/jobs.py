@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Collection, Sequence
+from typing import Any
 
 from sqlalchemy import ColumnElement, func, or_, select, text
-from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
+from sqlalchemy.orm import Session, aliased
 
 from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
@@ -12,24 +13,20 @@ from store.jobs import GIVEN_UP, PREVIEW_LANE, processes, queues
 from store.queries import by_id
 from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage, utc_now
 
-MOST_COUNTED = 2000
-"""Jobs of a state are counted up to here: a summary of 100,000 jobs costs what one of a few thousand does."""
+MOST_COUNTED = 2000  # jobs of a state are counted up to here: 100,000 cost what a few thousand do
 
 
 class Queue(Record):
-    counts: dict[str, int]
-    """By state, at most `MOST_COUNTED` of each."""
-    more: list[str]
-    """States of which there are more than were counted."""
+    counts: dict[str, int]  # by state, at most `MOST_COUNTED` of each
+    more: list[str]  # states of which there are more than were counted
     oldest_wait_s: float
 
 
 def summarise_queue(session: Session, organisation_id: str, states: Sequence[str]) -> Queue:
     mine = select(Job.id).where(Job.organisation_id == organisation_id).limit(MOST_COUNTED + 1)
     some = [mine.where(Job.state == state).subquery() for state in states]
-    row = session.execute(
-        select(*(select(func.count()).select_from(each).scalar_subquery() for each in some))
-    ).one()
+    counted = [select(func.count()).select_from(each).scalar_subquery() for each in some]
+    row = session.execute(select(*counted)).one()
     counts = dict(zip(states, row, strict=True))
     return Queue(
         counts={state: min(count, MOST_COUNTED) for state, count in counts.items()},
@@ -118,15 +115,11 @@ _BEGUN = ("running", *GIVEN_UP)
 
 
 class QueueCounts(Record):
-    jobs: dict[str, int]
-    """By state, but those that succeeded."""
+    jobs: dict[str, int]  # by state, but those that succeeded
     oldest_queued_s: float
-    due_later: int
-    """Queued jobs that are not due yet: they are tried again later, or the clock was set back."""
-    failures: dict[str, int]
-    """Jobs that failed or were quarantined, by the code of their error."""
-    waiting_for: dict[str, int]
-    """Queued jobs whose last attempt found something away, by what that was."""
+    due_later: int  # queued jobs that are not due yet: they are tried again later, or the clock was set back
+    failures: dict[str, int]  # jobs that failed or were quarantined, by the code of their error
+    waiting_for: dict[str, int]  # queued jobs whose last attempt found something away, by what that was
     parts: list[processes.Part]
 
     def count_parts(self, kind: str, state: str) -> int:
@@ -151,16 +144,12 @@ class Totals(Record):
 
     jobs: dict[str, int]
     frames: dict[str, int]
-    refusals: dict[str, int]
-    """Refused frames by the code of their refusal."""
+    refusals: dict[str, int]  # refused frames by the code of their refusal
     versions_published: int
-    damaged_files: dict[str, int]
-    """Stored files that are not what was uploaded, by what is wrong."""
-    proof_age_s: float
-    """How long ago the stored file was last proven that has waited longest for it; 0 without one."""
+    damaged_files: dict[str, int]  # stored files that are not what was uploaded, by what is wrong
+    proof_age_s: float  # how long the file that has waited longest for its proof has waited; 0 without one
     stored_bytes: int
-    largest_organisation: dict[str, int]
-    """The most that any one organisation uses, to be compared with the quotas; not which."""
+    largest_organisation: dict[str, int]  # the most that one uses, to be compared with the quotas; not which
 
 
 def count_queue(session: Session) -> QueueCounts:
@@ -168,10 +157,9 @@ def count_queue(session: Session) -> QueueCounts:
     queued = select(func.count()).select_from(Job).where(queues.IS_QUEUED)
     due_later = queued.where(Job.due_at > utc_now()).scalar_subquery()
     waiting, later = session.execute(select(queued.scalar_subquery(), due_later)).one()
+    begun = _count_by(session, Job.state, Job.state.in_(_BEGUN))
     return QueueCounts(
-        jobs=dict.fromkeys(_BEGUN, 0)
-        | {"queued": waiting}
-        | _count_by(session, Job.state, Job.state.in_(_BEGUN)),
+        jobs=dict.fromkeys(_BEGUN, 0) | {"queued": waiting} | begun,
         oldest_queued_s=oldest_wait_s(session),
         due_later=later,
         failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
@@ -194,14 +182,9 @@ def count_totals(session: Session) -> Totals:
     frames = Counter[str]()
     for state, _, count in unfinished:
         frames[state] += count
-    stored, all_frames, most_bytes, most_frames = session.execute(
-        select(
-            func.coalesce(func.sum(Usage.stored_bytes), 0),
-            func.coalesce(func.sum(Usage.frames), 0),
-            func.coalesce(func.max(Usage.stored_bytes), 0),
-            func.coalesce(func.max(Usage.frames), 0),
-        )
-    ).one()
+    used = (Usage.stored_bytes, Usage.frames)
+    figures = [func.coalesce(of(column), 0) for of in (func.sum, func.max) for column in used]
+    stored, all_frames, most_bytes, most_frames = list(session.execute(select(*figures)).one())
     return Totals(
         jobs=_count_by(session, Job.state),
         frames=frames | Counter(extracted=max(int(all_frames) - frames.total(), 0)),
@@ -214,11 +197,7 @@ def count_totals(session: Session) -> Totals:
     )
 
 
-def _count_by(
-    session: Session,
-    column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None] | ColumnElement[str],
-    *where: ColumnElement[bool],
-) -> dict[str, int]:
+def _count_by(session: Session, column: Any, *where: ColumnElement[bool]) -> dict[str, int]:  # noqa: ANN401
     value = column.label("value")
     rows = select(value, func.count()).where(*where).group_by(value).order_by(value)
     return {row[0]: row[1] for row in session.execute(rows) if row[0] is not None}

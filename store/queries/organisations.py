@@ -8,18 +8,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, not_, select, update
+from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, not_, select
 from sqlalchemy.orm import Session
 
 from radiometry.records import Record
 from store.database import Database
+from store.queries import add, update_where
 from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, UtcDateTime, WebSession, utc_now
 
-UNNAMED: Final = "an unnamed person"
-"""Whoever acted with a key that states no person, as documents name them."""
+UNNAMED: Final = "an unnamed person"  # whoever acted with a key that states no person, as documents name them
 UNNAMED_LABORATORY: Final = "Unnamed laboratory"
-_FOUNDING_NAME: Final = "operator"
-"""Of the operator's organisation until it states its own."""
+_FOUNDING_NAME: Final = "operator"  # of the operator's organisation until it states its own
 
 
 @dataclass(frozen=True)
@@ -62,18 +61,10 @@ def create_key(
     expires_at: datetime | None = None,
     person: Person | None = None,
 ) -> ApiKey:
-    key = ApiKey(
-        organisation_id=organisation_id,
-        name=name,
-        person=person.name if person else None,
-        role=person.role if person else None,
-        scopes=scopes,
-        sha256=hash_secret(secret),
-        expires_at=expires_at,
-    )
-    session.add(key)
-    session.flush()
-    return key
+    key = ApiKey(organisation_id=organisation_id, name=name, scopes=scopes, expires_at=expires_at)
+    key.person, key.role = (person.name, person.role) if person else (None, None)
+    key.sha256 = hash_secret(secret)
+    return add(session, key)
 
 
 def find_key(session: Session, secret: str) -> tuple[ApiKey, Organisation] | None:
@@ -93,8 +84,7 @@ class Holder(Record):
     organisation_id: str
     organisation_name: str
     operator: bool
-    unnoted: bool = False
-    """It was not used for so long that this use is to be written down."""
+    unnoted: bool = False  # it was not used for so long that this use is to be written down
 
 
 async def find_holder(database: Database, secret: str, *, noted_since: datetime) -> Holder | None:
@@ -139,9 +129,8 @@ def find_in_force(session: Session, callers: Collection[Who]) -> set[Who]:
 
 
 def find_ended_key(session: Session, secret: str) -> ApiKey | None:
-    return session.scalar(
-        select(ApiKey).where(ApiKey.sha256 == hash_secret(secret), not_(and_(*_in_force())))
-    )
+    ended = not_(and_(*_in_force()))
+    return session.scalar(select(ApiKey).where(ApiKey.sha256 == hash_secret(secret), ended))
 
 
 def has_other_admin(session: Session, key: ApiKey) -> bool:
@@ -176,20 +165,13 @@ def note_use(
 ) -> None:
     """Write down that a key or a session was used, unless another process has just done so."""
     known = table.last_used_at.is_(None) | (table.last_used_at < unless_after)
-    session.execute(
-        update(table)
-        .where(table.id == row_id, known)
-        .values(last_used_at=now)
-        .execution_options(synchronize_session=False)
-    )
+    update_where(session, table, (table.id == row_id) & known, last_used_at=now)
 
 
 def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
     """Found the operator's organisation and give it the bootstrap key, unless both exist."""
     if (operator := session.scalar(select(Organisation).where(Organisation.operator))) is None:
-        operator = Organisation(name=_FOUNDING_NAME, operator=True)
-        session.add(operator)
-        session.flush()
+        operator = add(session, Organisation(name=_FOUNDING_NAME, operator=True))
     if session.scalar(select(ApiKey).where(ApiKey.sha256 == hash_secret(secret))) is None:
         create_key(session, organisation_id=operator.id, name="bootstrap", scopes=scopes, secret=secret)
 
@@ -233,10 +215,7 @@ def find_or_add(
     found = session.scalar(select(table).filter_by(organisation_id=organisation_id, **same))
     if found is not None:
         return found, False
-    row = table(organisation_id=organisation_id, **values)
-    session.add(row)
-    session.flush()
-    return row, True
+    return add(session, table(organisation_id=organisation_id, **values)), True
 
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.records import Record
 from store.blobs.partials import Facts, Partials
+from store.queries import update_where
 from store.settings import Settings
 from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage, utc_now
 
@@ -31,9 +32,7 @@ class QuotaExceeded(Exception):  # noqa: N818  it says what was found
 
     def __init__(self, quota: Quota, *, limit: int, used: int) -> None:
         super().__init__(f"{quota}: {used} of {limit}")
-        self.quota: Quota = quota
-        self.limit = limit
-        self.used = used
+        self.quota, self.limit, self.used = quota, limit, used
 
 
 class Used(Record):
@@ -99,8 +98,7 @@ def charge(
     if jobs and used.jobs_most > MOST_JOBS_WAITING:
         _refuse_long_queue(session, organisation_id)
         bound = _count_jobs(session, organisation_id, "queued", "running")
-        mine = update(Usage).where(Usage.organisation_id == organisation_id)
-        session.execute(mine.values(jobs_most=bound).execution_options(synchronize_session=False))
+        update_where(session, Usage, Usage.organisation_id == organisation_id, jobs_most=bound)
 
 
 def add_jobs(session: Session, count: int, *, organisation_id: str | None = None) -> None:

@@ -231,6 +231,7 @@ _SHARES = ("below_zero_share", "above_one_share")
 _LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
 _PERCENTS = (5, 10, 90, 95)
 _BODY = ("make", "model_name", "serial")
+_OF_ROW = ("id", "frame_id", "calibration_id", "campaign_id", "method")
 
 
 def _with_u(*names: str) -> Iterator[str]:
@@ -284,11 +285,9 @@ def make_measured(
     named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None
     cells = _describe(row, frame, calibration, camera)
     return {
+        **{name: getattr(row, name) for name in ("organisation_id", "campaign_id", "calibration_id")},
         "measurement_id": row.id,
-        "organisation_id": row.organisation_id,
         "camera_id": camera.id,
-        "campaign_id": row.campaign_id,
-        "calibration_id": row.calibration_id,
         "corrector_id": named["calibration_id"] if named else None,
         "taken_from": taken.earliest if taken else row.created_at,
         "taken_to": taken.latest if taken else None,
@@ -301,27 +300,22 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
     result, header = row.result, frame.header or {}
     summary = get_method(row.method).summarise(result)
     reflected = summary.figures.get("reflected", {})
+    raised = [*result["flags"], *list_passed(calibration, frame)]
     cells: dict[str, Any] = {
-        "id": row.id,
-        "frame_id": row.frame_id,
-        "filename": frame.filename,
+        **{name: getattr(row, name) for name in _OF_ROW},
         **{name: header.get(name) for name in _PLACE},
-        "calibration_id": calibration.id,
+        "filename": frame.filename,
         "calibration_version": calibration.version,
         "region_origin": row.parameters["region_origin"],
         "pixels": result.get("pixels"),
         "frames": 1 + len(row.parameters.get("repeats", ())),
         "saturated_share": result.get("saturated_share"),
-        "flags": " ".join(
-            dict.fromkeys((*_flags_of(result["flags"]), *_flags_of(list_passed(calibration, frame))))
-        ),
+        "flags": " ".join(dict.fromkeys(each["flag"] for each in raised)),
         "created_at": write_instant(row.created_at),
         "camera_id": camera.id,
         "make": camera.make,
         "model_name": camera.model,
         "serial": camera.serial,
-        "campaign_id": row.campaign_id,
-        "method": row.method,
         "vignetting": summary.vignetting,
         # stored rows have no column for a radiance
         "signal": f"radiance {summary.signal}" if "radiance" in summary.figures else summary.signal,
@@ -337,10 +331,6 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
         for quantity in (each for name, each in entry.items() if name != "percent" and each):
             cells[f"p{entry['percent']}_{summary.column}"] = quantity["value"]
     return cells | {name: reflected.get(name) for name in (*_SHARES, *_LIGHT)}
-
-
-def _flags_of(raised: list[dict[str, Any]]) -> list[str]:
-    return [each["flag"] for each in raised]
 
 
 def list_passed(calibration: Calibration, frame: FrameRow) -> list[dict[str, Any]]:

@@ -18,15 +18,11 @@ from store.tables import AuditEntry, Calibration, Camera, MeasuredRow, Measureme
 from store.tables.audit import IN_SERIES
 from store.tables.base import utc_now
 
-Page = list[str]
-"""Some rows, at least one, as `store.ready.rows` writes them."""
-Key = list[Any]
-"""Place of a row in the order of its series, as JSON has it."""
+Page = list[str]  # some rows, at least one, as `store.ready.rows` writes them
+Key = list[Any]  # place of a row in the order of its series, as JSON has it
 
-PAGE = 2000
-"""Rows that are read at once."""
-_ROWS = 250
-"""Rows of a page: their cells stay in the processor's cache."""
+PAGE = 2000  # rows that are read at once
+_ROWS = 250  # rows of a page: their cells stay in the processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +105,12 @@ class CoefficientSeries(_Series):
     """Every coefficient of every version in force at some time, by camera, time and method, as known now."""
 
     _KEY: ClassVar[tuple[Any, ...]] = (
-        ReadyRow.camera_id,
-        ReadyRow.valid_from,
-        ReadyRow.method,
-        ReadyRow.publication_id,
+        *(ReadyRow.camera_id, ReadyRow.valid_from, ReadyRow.method, ReadyRow.publication_id),
     )
 
     def is_place(self, key: Key) -> bool:
-        return (
-            len(key) == 5
-            and all(map(is_text, key[:4]))
-            and is_instant(key[1])
-            and type(key[4]) is int
-            and -1 <= key[4] < _MOST_PLACES
-        )
+        is_version = len(key) == 5 and all(map(is_text, key[:4])) and is_instant(key[1])
+        return is_version and type(key[4]) is int and -1 <= key[4] < _MOST_PLACES
 
     def read_state(self, session: Session) -> str:
         """Return what changes whenever a row of the organisation is added or changes."""
@@ -234,8 +222,7 @@ def _group(publications: list[Any]) -> Iterator[list[Any]]:
         yield group
 
 
-State = tuple[int, str]
-"""Number of a version, and what has become of it."""
+State = tuple[int, str]  # number of a version, and what has become of it
 _AFTER_FLAGS = len(COLUMNS) - FLAGS - 1
 _BODY_AFTER = slice(BODY.start - FLAGS, BODY.stop - FLAGS)
 STATE_FLAGS = {
@@ -249,10 +236,8 @@ STATE_FLAGS = {
 class MeasurementSeries(_Series):
     """Every measurement, by the time at which its frame was taken."""
 
-    _KEY: ClassVar[tuple[Any, ...]] = (
-        MeasuredRow.__table__.c.taken_from,
-        MeasuredRow.__table__.c.measurement_id,
-    )
+    _ROW: ClassVar[Any] = MeasuredRow.__table__.c
+    _KEY: ClassVar[tuple[Any, ...]] = (_ROW.taken_from, _ROW.measurement_id)
 
     def is_place(self, key: Key) -> bool:
         return len(key) == 2 and all(map(is_text, key)) and is_instant(key[0])
@@ -281,7 +266,7 @@ class MeasurementSeries(_Series):
             after = [write_instant(last.taken_from), last.measurement_id]
 
     def _select(self, after: Key | None, until: Key | None) -> Select[Any]:
-        asked, row = self._asked, MeasuredRow.__table__.c
+        asked, row = self._asked, self._ROW
         where = [
             row.organisation_id == asked.organisation_id,
             *match_equal(row, asked, "camera_id", "campaign_id", "calibration_id"),
@@ -301,10 +286,7 @@ class MeasurementSeries(_Series):
             if key is not None:
                 place = bind_place((read_instant(key[0]), key[1]), self._KEY)
                 where.append(tuple_(*self._KEY) > place if is_after else tuple_(*self._KEY) <= place)
-        columns: tuple[Any, ...] = (
-            *(row.measurement_id, row.calibration_id, row.corrector_id, row.camera_id),
-            row.cells,
-        )
+        columns = (row.measurement_id, row.calibration_id, row.corrector_id, row.camera_id, row.cells)
         return select(*columns).where(*where).order_by(*self._KEY)
 
 
@@ -357,5 +339,4 @@ def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, State
     return {row[0]: (row[1], row[2]) for row in rows}
 
 
-Series = CoefficientSeries | MeasurementSeries
-"""Rows of an organisation in a stable order."""
+Series = CoefficientSeries | MeasurementSeries  # rows of an organisation in a stable order

@@ -2,10 +2,10 @@
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, CheckConstraint, Index, String, text
+from sqlalchemy import CheckConstraint, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Base, Json, UtcDateTime, index_some, utc_now
+from store.tables.base import Base, BigInt, Json, Sha256, index_some, utc_now
 
 IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revocation')")
 """What a series shows changes with one of these; the condition as the index has it."""
@@ -19,14 +19,13 @@ class AuditEntry(Base):
         index_some("ix_audit_entry_series", "organisation_id", "subject_type", "seq", where=IN_SERIES),
     )
 
-    seq: Mapped[int] = mapped_column(
-        BigInteger,
+    seq: Mapped[BigInt] = mapped_column(
         primary_key=True,
         autoincrement=False,
         doc="Rises over all organisations: what lies between belongs to another one, or to nobody.",
     )
     organisation_id: Mapped[str | None]
-    at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    at: Mapped[datetime] = mapped_column(default=utc_now)
     actor: Mapped[str] = mapped_column(
         doc="A key's id, or the process that acted automatically: worker, sweeper, service."
     )
@@ -35,9 +34,8 @@ class AuditEntry(Base):
     subject_id: Mapped[str]
     before: Mapped[Json]
     after: Mapped[Json]
-    previous_sha256: Mapped[str] = mapped_column(String(64))
-    sha256: Mapped[str] = mapped_column(String(64))
-    """Over everything above: a chain that breaks where an entry is edited, deleted, inserted or moved."""
+    previous_sha256: Mapped[Sha256]
+    sha256: Mapped[Sha256]  # over all above: edited, deleted, inserted or moved entries break the chain
 
 
 class AuditChain(Base):
@@ -50,8 +48,8 @@ class AuditChain(Base):
     __tablename__ = "audit_chain"
 
     name: Mapped[str] = mapped_column(primary_key=True)
-    seq: Mapped[int] = mapped_column(BigInteger)
-    sha256: Mapped[str] = mapped_column(String(64))
+    seq: Mapped[BigInt]
+    sha256: Mapped[Sha256]
 
 
 class AuditHead(Base):
@@ -61,5 +59,5 @@ class AuditHead(Base):
     __table_args__ = (CheckConstraint("id = 1", "one_row"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    seq: Mapped[int] = mapped_column(BigInteger)
-    sha256: Mapped[str] = mapped_column(String(64))
+    seq: Mapped[BigInt]
+    sha256: Mapped[Sha256]

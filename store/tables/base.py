@@ -3,12 +3,12 @@
 import secrets
 import time
 from datetime import UTC, datetime
-from typing import Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
-from sqlalchemy import JSON, CheckConstraint, DateTime, Dialect, Index, MetaData, String, TextClause
+from sqlalchemy import CheckConstraint, Dialect, ForeignKey, Index, MetaData, TextClause
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
-from sqlalchemy.types import TypeDecorator
+from sqlalchemy.types import JSON, BigInteger, DateTime, String, TypeDecorator
 
 
 def new_id(prefix: str) -> str:
@@ -47,6 +47,8 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 Json = dict[str, Any]
+Sha256 = Annotated[str, mapped_column(String(64))]
+BigInt = Annotated[int, mapped_column(BigInteger)]
 
 
 class Base(DeclarativeBase):
@@ -64,6 +66,7 @@ class Base(DeclarativeBase):
         list[str]: JSON,
         list[Any]: JSON,
         str: String,
+        datetime: UtcDateTime,
     }
 
 
@@ -76,15 +79,18 @@ def one_of(column: str, values: Any) -> CheckConstraint:  # noqa: ANN401  a Lite
     return CheckConstraint(f"{column} IN {get_args(values)}", f"{column}_known")
 
 
+class Owned:
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+
+
 class Dated:
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    created_at: Mapped[datetime] = mapped_column(default=utc_now)
 
 
 class Audited:
     """A table whose every insert, change and deletion leaves an audit entry (store/audit.py)."""
 
-    __audit_without__: ClassVar[frozenset[str]] = frozenset()
-    """Columns that an audit entry leaves out: what nobody decides."""
+    __audit_without__: ClassVar[frozenset[str]] = frozenset()  # what nobody decides: entries leave it out
     __audit_digests__: ClassVar[frozenset[str]] = frozenset()
     """Columns of which an entry holds the hash: secrets, and bulk that the row itself keeps."""
 

@@ -5,17 +5,7 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import (
-    Audited,
-    AuditedTogether,
-    Base,
-    Dated,
-    Json,
-    UtcDateTime,
-    index_some,
-    new_id,
-    utc_now,
-)
+from store.tables.base import Audited, AuditedTogether, Base, Dated, Json, Sha256, index_some, new_id, utc_now
 
 
 class Calibration(Audited, Dated, Base):
@@ -43,8 +33,7 @@ class Calibration(Audited, Dated, Base):
     software: Mapped[Json] = mapped_column(
         doc="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
     )
-    content_sha256: Mapped[str] = mapped_column(String(64))
-    """Over inputs, parameters and code version: the same content is the same version."""
+    content_sha256: Mapped[Sha256]  # over inputs, parameters, code: the same content, the same version
     created_by: Mapped[str]
 
 
@@ -101,13 +90,12 @@ class Publication(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pub"))
     slot_id: Mapped[int] = mapped_column(ForeignKey("slot.id"))
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
-    valid_from: Mapped[datetime] = mapped_column(UtcDateTime)
-    valid_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    known_from: Mapped[datetime] = mapped_column(UtcDateTime)
-    known_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    valid_from: Mapped[datetime]
+    valid_to: Mapped[datetime | None]
+    known_from: Mapped[datetime]
+    known_to: Mapped[datetime | None]
     reason: Mapped[str]
-    superseded_by: Mapped[str | None] = mapped_column(ForeignKey("calibration.id"))
-    """Whose publication closed this row, where one did."""
+    superseded_by: Mapped[str | None] = mapped_column(ForeignKey("calibration.id"))  # by whom it was closed
 
 
 class Revocation(Audited, Base):
@@ -116,7 +104,7 @@ class Revocation(Audited, Base):
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     reason: Mapped[str]
     revoked_by: Mapped[str]
-    revoked_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    revoked_at: Mapped[datetime] = mapped_column(default=utc_now)
 
 
 class IssuedCertificate(Audited, Base):
@@ -134,15 +122,13 @@ class IssuedCertificate(Audited, Base):
     publication_id: Mapped[str] = mapped_column(ForeignKey("publication.id"))
     json_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
     pdf_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
-    fitted_by: Mapped[Json | None]
-    """Name and role; None of a key without a person."""
-    approved_by: Mapped[Json | None]
-    """Likewise; nobody has signed a certificate without."""
+    fitted_by: Mapped[Json | None]  # name and role; None of a key without a person
+    approved_by: Mapped[Json | None]  # likewise; nobody has signed a certificate without
     at_upgrade: Mapped[bool] = mapped_column(
         doc="Whether the version was published before certificates were kept: "
         "its certificate was issued later."
     )
-    issued_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    issued_at: Mapped[datetime]
 
 
 class Measurement(Audited, Dated, Base):
@@ -163,13 +149,11 @@ class Measurement(Audited, Dated, Base):
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
     method: Mapped[str]
-    parameters: Mapped[Json]
-    """What was asked for: region, grid, reflectance, products."""
+    parameters: Mapped[Json]  # what was asked for: region, grid, reflectance, products
     result: Mapped[Json]
     result_schema: Mapped[int]
     software: Mapped[Json]
-    content_sha256: Mapped[str] = mapped_column(String(64))
-    """Over frame, version, parameters and code version: the same content is the same measurement."""
+    content_sha256: Mapped[Sha256]  # over frame, version, parameters, code: the same, the same row
     map_tif_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_by: Mapped[str]
@@ -193,13 +177,12 @@ class ReadyRow(Base):
     method: Mapped[str]
     calibration_id: Mapped[str]
     version: Mapped[int]
-    computed_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    valid_from: Mapped[datetime] = mapped_column(UtcDateTime)
-    valid_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    known_from: Mapped[datetime] = mapped_column(UtcDateTime)
-    known_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    coefficients: Mapped[int]
-    """How many coefficients the version has."""
+    computed_at: Mapped[datetime]
+    valid_from: Mapped[datetime]
+    valid_to: Mapped[datetime | None]
+    known_from: Mapped[datetime]
+    known_to: Mapped[datetime | None]
+    coefficients: Mapped[int]  # how many coefficients the version has
 
 
 class ReadyAnswer(Base):
@@ -234,9 +217,8 @@ class MeasuredRow(Base):
     camera_id: Mapped[str]
     campaign_id: Mapped[str]
     calibration_id: Mapped[str]
-    corrector_id: Mapped[str | None]
-    """Version that corrected the frame's vignetting, where one did."""
-    taken_from: Mapped[datetime] = mapped_column(UtcDateTime)
-    taken_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    corrector_id: Mapped[str | None]  # version that corrected the frame's vignetting, where one did
+    taken_from: Mapped[datetime]
+    taken_to: Mapped[datetime | None]
+    created_at: Mapped[datetime]
     cells: Mapped[str]

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any, ClassVar, Literal
 
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
+from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.specification.roles import ROLES
@@ -12,9 +12,11 @@ from store.tables.base import (
     Audited,
     AuditedTogether,
     Base,
+    BigInt,
     Dated,
     Json,
-    UtcDateTime,
+    Owned,
+    Sha256,
     index_some,
     new_id,
     one_of,
@@ -41,54 +43,44 @@ class Campaign(Audited, Dated, Base):
     recorder: Mapped[str | None]
     customer: Mapped[str | None]
     place: Mapped[str | None]
-    conditions: Mapped[str | None]
-    """What surrounded the work and may bear on it: temperature, warm-up of the lamp, daylight kept out."""
-    started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    time_zone: Mapped[str | None]
-    """Of the clock of the camera, for files without an offset; None for the organisation's."""
-    lens: Mapped[Json | None] = mapped_column(default=None)
-    """Make, model and serial number; None for the lens that is registered with the camera."""
+    conditions: Mapped[str | None]  # what bears on it: temperature, warm-up of the lamp, daylight kept out
+    started_at: Mapped[datetime | None]
+    ended_at: Mapped[datetime | None]
+    time_zone: Mapped[str | None]  # of the camera's clock, for files without; None: the organisation's
+    lens: Mapped[Json | None]  # make, model and serial number; None for the one registered with the camera
     comments: Mapped[str | None]
-    surface_reflectance: Mapped[float | None]
-    """rho of the taped rectangle, where known: lets illuminance readings check luminance readings."""
-    lamp: Mapped[str | None]
-    """Spectrum of the calibration's lamp: a name of the library, or a table."""
+    surface_reflectance: Mapped[float | None]  # of the taped rectangle: illuminance then checks luminance
+    lamp: Mapped[str | None]  # spectrum of the calibration's lamp: a name of the library, or a table
     camera_response: Mapped[str | None]
     focus_distance_m: Mapped[float | None]
     focal_length_mm: Mapped[float | None]
     mains_frequency_hz: Mapped[float | None]
     lamp_modulation: Mapped[float | None]
-    lamp_kind: Mapped[str | None] = mapped_column(default=None)
-    acceptance: Mapped[str | None]
-    """Decision rule of the verdict; None is the simple one."""
+    lamp_kind: Mapped[str | None]
+    acceptance: Mapped[str | None]  # decision rule of the verdict; None is the simple one
     roi_id: Mapped[str | None] = mapped_column(
         ForeignKey("roi.id"), doc="Of the region in use; absent while none is set."
     )
     panel_id: Mapped[str | None] = mapped_column(ForeignKey("panel.id"))
     """Of a reflectance campaign; None leaves the choice to what the files and the records say."""
-    target: Mapped[Json | None] = mapped_column(default=None)
-    """What is photographed, where the method must know it to read a frame: a board, an edge."""
-    archived_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    target: Mapped[Json | None]  # what is photographed, where a method must know it: a board, an edge
+    archived_at: Mapped[datetime | None]
 
     @property
     def measures(self) -> bool:
         return self.kind == "measurement"
 
 
-class Roi(Audited, Dated, Base):
+class Roi(Audited, Dated, Owned, Base):
     """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
 
     __tablename__ = "roi"
     __table_args__ = (UniqueConstraint("organisation_id", "sha256"),)
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("roi"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
-    sha256: Mapped[str] = mapped_column(String(64))
-    points: Mapped[list[Any]]
-    """Corners; of several parts together those of the rectangle around them."""
-    parts: Mapped[list[Any] | None] = mapped_column(default=None)
-    """Name and points of each part, where there are several."""
+    sha256: Mapped[Sha256]
+    points: Mapped[list[Any]]  # corners; of several parts together those of the rectangle around them
+    parts: Mapped[list[Any] | None]  # name and points of each, if several
 
 
 class Reading(Audited, Dated, Base):
@@ -106,11 +98,9 @@ class Reading(Audited, Dated, Base):
     entered_value: Mapped[float]
     entered_unit: Mapped[str]
     meter_id: Mapped[str | None] = mapped_column(ForeignKey("meter.id"))
-    taken_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    reason: Mapped[str | None]
-    """Why it is right although its frames speak against it."""
-    withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    """A mistyped reading is withdrawn, not deleted."""
+    taken_at: Mapped[datetime | None]
+    reason: Mapped[str | None]  # why it is right although its frames speak against it
+    withdrawn_at: Mapped[datetime | None]  # mistyped: withdrawn, not deleted
 
 
 class Blob(Dated, Base):
@@ -124,12 +114,10 @@ class Blob(Dated, Base):
         index_some("ix_blob_damage", "damage", where=text("damage IS NOT NULL")),
     )
 
-    sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
-    digests: Mapped[bytes | None] = mapped_column(default=None, deferred=True)
-    """One per MiB, joined; None until a blob of an older stilb has been proven once."""
-    proven_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    """When all of it was last found to hash to its name."""
+    sha256: Mapped[Sha256] = mapped_column(primary_key=True)
+    size_bytes: Mapped[BigInt]
+    digests: Mapped[bytes | None] = mapped_column(deferred=True)  # one per MiB; None until it was proven once
+    proven_at: Mapped[datetime] = mapped_column(default=utc_now)  # all of it hashed to its name
     damage: Mapped[Damage | None] = mapped_column(String, default=None)
     """Since it was found other than it was stored; the same upload ends that."""
 
@@ -157,18 +145,13 @@ class FrameRow(Audited, Dated, Base):
     filename: Mapped[str]
     role: Mapped[str]
     scene: Mapped[str | None]
-    roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
-    """Its own region, where the camera has moved; else the campaign's."""
-    found: Mapped[Json | None] = mapped_column(default=None)
-    """Found in it automatically: ``roi_id`` of a panel, and its ``serial`` as its code says."""
-    supplied: Mapped[Json] = mapped_column(default=dict)
-    """Exposure values typed in with the frame, for what the file does not say."""
+    roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))  # its own, where the camera has moved
+    found: Mapped[Json | None]  # automatically: ``roi_id`` of a panel, and its ``serial`` as its code says
+    supplied: Mapped[Json] = mapped_column(default=dict)  # exposure typed in, where the file states none
     state: Mapped[str] = mapped_column(default="received")
-    header: Mapped[Json | None] = mapped_column(default=None)
-    proof: Mapped[Json | None] = mapped_column(default=None)
-    """What vouches for its pixels; None while nobody has read all of them."""
-    exposure: Mapped[Json | None] = mapped_column(default=None)
-    """The three values in use and the origin of each."""
+    header: Mapped[Json | None]
+    proof: Mapped[Json | None]  # of its pixels; None: nobody has read them all
+    exposure: Mapped[Json | None]  # the three values in use, and their origins
     exposure_time_s: Mapped[float | None]
     f_number: Mapped[float | None]
     iso: Mapped[float | None]
@@ -176,10 +159,8 @@ class FrameRow(Audited, Dated, Base):
     refusal_code: Mapped[str | None]
     refusal_detail: Mapped[str | None]
     preview_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
-    left_out: Mapped[Json | None] = mapped_column(default=None)
-    """``reason`` and ``by`` where a person excluded it from every fit."""
-    withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    """Of a frame that no longer belongs to its campaign; it can be restored."""
+    left_out: Mapped[Json | None]  # ``reason`` and ``by``: of no fit any more
+    withdrawn_at: Mapped[datetime | None]  # it no longer belongs to its campaign; it can be restored
 
     @property
     def size_px(self) -> tuple[int, int] | None:
@@ -198,8 +179,7 @@ class Extraction(Audited, Dated, Base):
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     roi_id: Mapped[str] = mapped_column(ForeignKey("roi.id"))
     extractor: Mapped[str]
-    features: Mapped[Json | None] = mapped_column(default=None)
-    """The method's own figures beside the statistics."""
+    features: Mapped[Json | None]  # the method's own, beside the statistics
 
 
 class ChannelRow(AuditedTogether, Base):
@@ -224,7 +204,7 @@ class ChannelRow(AuditedTogether, Base):
     white_level_dn: Mapped[float]
 
 
-class Crop(Dated, Base):
+class Crop(Dated, Owned, Base):
     """A picture that can be drawn again from its frame; derived, so never audited."""
 
     __tablename__ = "crop"
@@ -234,7 +214,6 @@ class Crop(Dated, Base):
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("crp"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     asked: Mapped[str]
     job_id: Mapped[str] = mapped_column(ForeignKey("job.id"))
@@ -250,22 +229,16 @@ class CampaignReview(Base):
     )
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
-    revision: Mapped[int] = mapped_column(BigInteger, default=0)
-    """Rises in every transaction that changes what the review depends on (store/revisions.py)."""
-    whole_revision: Mapped[int] = mapped_column(BigInteger, default=0)
-    """Last one at which any of its frames may have changed: that of the campaign itself."""
-    kept_revision: Mapped[int] = mapped_column(BigInteger, default=-1)
-    """Revision that the rest of this row and the verdicts were computed from."""
-    kept_by: Mapped[str | None]
-    """Hash of the code that computed them: another code computes them again."""
-    not_before: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    """No worker begins before: one computes them, or has just done so and it took long."""
-    missing: Mapped[list[Any] | None] = mapped_column(default=None)
-    advice: Mapped[list[Any] | None] = mapped_column(default=None)
-    gaps: Mapped[list[Any] | None] = mapped_column(default=None)
-    findings: Mapped[list[Any] | None] = mapped_column(default=None)
-    checklist: Mapped[Json | None] = mapped_column(default=None)
-    """What the record says of each item, and since when each part of the record is as it is."""
+    revision: Mapped[BigInt] = mapped_column(default=0)  # rises with what it depends on (store/revisions.py)
+    whole_revision: Mapped[BigInt] = mapped_column(default=0)  # last that may have changed any of its frames
+    kept_revision: Mapped[BigInt] = mapped_column(default=-1)  # from which rest and verdicts were computed
+    kept_by: Mapped[str | None]  # hash of the code that computed them: another code computes them again
+    not_before: Mapped[datetime | None]  # one computes them, or has just done so and it took long
+    missing: Mapped[list[Any] | None]
+    advice: Mapped[list[Any] | None]
+    gaps: Mapped[list[Any] | None]
+    findings: Mapped[list[Any] | None]
+    checklist: Mapped[Json | None]  # what the record says of each item, and since when each part is so
 
 
 class FrameVerdict(Base):
@@ -276,8 +249,7 @@ class FrameVerdict(Base):
     # no foreign keys: checking one takes a lock on the frame, whose own writer waits for the review's row
     frame_id: Mapped[str] = mapped_column(primary_key=True)
     campaign_id: Mapped[str] = mapped_column(index=True)
-    reasons: Mapped[str]
-    """JSON: code, outcome and detail of each."""
+    reasons: Mapped[str]  # JSON: code, outcome and detail of each
 
 
 class FrameChange(Base):
@@ -289,7 +261,7 @@ class FrameChange(Base):
     # no foreign keys, as for its verdict
     frame_id: Mapped[str] = mapped_column(primary_key=True)
     campaign_id: Mapped[str]
-    revision: Mapped[int] = mapped_column(BigInteger)
+    revision: Mapped[BigInt]
 
 
 class SmallPreview(Base):
@@ -298,7 +270,7 @@ class SmallPreview(Base):
     __tablename__ = "small_preview"
 
     # no foreign key: it is kept before the frame that shows it, and holds nothing that its preview does not
-    preview_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    preview_sha256: Mapped[Sha256] = mapped_column(primary_key=True)
     webp: Mapped[bytes]
 
 
@@ -307,12 +279,11 @@ class Rendering(Dated, Base):
 
     __tablename__ = "rendering"
 
-    source_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
-    """Of all that goes in, and of how it is rendered."""
+    source_sha256: Mapped[Sha256] = mapped_column(primary_key=True)  # of all that goes in, and how
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
 
 
-class Manifest(Audited, Dated, Base):
+class Manifest(Audited, Dated, Owned, Base):
     """Contents of a card, as the sender lists them; never changed."""
 
     __tablename__ = "manifest"
@@ -323,13 +294,10 @@ class Manifest(Audited, Dated, Base):
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("man"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
-    sha256: Mapped[str] = mapped_column(String(64))
-    """Of both lists in canonical JSON: the same card is the same manifest."""
+    sha256: Mapped[Sha256]  # of both lists in JSON: the same card, the same row
     files: Mapped[list[Any]]
-    others: Mapped[list[Any]]
-    """Files of the card that are not sent."""
+    others: Mapped[list[Any]]  # files of the card that are not sent
 
 
 class SigningKey(Audited, Dated, Base):
@@ -338,8 +306,7 @@ class SigningKey(Audited, Dated, Base):
     __tablename__ = "signing_key"
 
     id: Mapped[str] = mapped_column(primary_key=True)
-    public_key: Mapped[str]
-    """PEM."""
+    public_key: Mapped[str]  # PEM
 
 
 class ChecklistTick(Audited, Base):
@@ -351,7 +318,7 @@ class ChecklistTick(Audited, Base):
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
     key: Mapped[str] = mapped_column(primary_key=True)
     done_by: Mapped[str | None]
-    done_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    done_at: Mapped[datetime | None]
     note: Mapped[str | None]
 
 
@@ -362,11 +329,9 @@ class ChecklistSignature(Audited, Base):
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
     name: Mapped[str]
-    signed_by: Mapped[str]
-    """The key that signed."""
-    signed_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    state_sha256: Mapped[str | None] = mapped_column(String(64))
-    """Of the campaign's details, frames, readings and region as they were signed."""
+    signed_by: Mapped[str]  # the key that signed
+    signed_at: Mapped[datetime] = mapped_column(default=utc_now)
+    state_sha256: Mapped[Sha256 | None]  # of details, frames, readings and region as they were signed
 
 
 class Recall(Audited, Dated, Base):
@@ -379,8 +344,7 @@ class Recall(Audited, Dated, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     cause: Mapped[Json]
     reason: Mapped[str]
-    calibration_ids: Mapped[list[Any]]
-    """What the review saw: confirming revokes these and refuses when the cause has found others since."""
+    calibration_ids: Mapped[list[Any]]  # as reviewed: confirming revokes these, or refuses others found since
     created_by: Mapped[str]
     confirmed_by: Mapped[str | None]
-    confirmed_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    confirmed_at: Mapped[datetime | None]

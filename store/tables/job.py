@@ -3,11 +3,11 @@
 from datetime import datetime
 from typing import Literal
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, text
+from sqlalchemy import CheckConstraint, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.log_fields import present_request_id
-from store.tables.base import Base, Dated, Json, UtcDateTime, index_some, new_id, one_of, utc_now
+from store.tables.base import Base, Dated, Json, Owned, index_some, new_id, one_of, utc_now
 
 JobKind = Literal["extract", "fit", "measure"]
 JobState = Literal["queued", "running", "succeeded", "failed", "quarantined"]
@@ -17,7 +17,7 @@ _SENT = text("state = 'queued' AND sent_at IS NOT NULL")
 _READING = text("kind = 'extract' AND state IN ('queued', 'running')")
 
 
-class Job(Dated, Base):
+class Job(Dated, Owned, Base):
     __tablename__ = "job"
     __table_args__ = (
         one_of("kind", JobKind),
@@ -35,44 +35,31 @@ class Job(Dated, Base):
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     kind: Mapped[str]
-    subject_id: Mapped[str]
-    """The frame or campaign it works on."""
-    lane: Mapped[str]
-    """What it is: `store.jobs.queues.LANES` names its queue and its task."""
+    subject_id: Mapped[str]  # the frame or campaign it works on
+    lane: Mapped[str]  # what it is: `store.jobs.queues.LANES` names its queue and its task
     parameters: Mapped[Json] = mapped_column(default=dict)
     state: Mapped[str] = mapped_column(default="queued")
     progress: Mapped[float] = mapped_column(default=0.0)
     attempt: Mapped[int] = mapped_column(default=0)
-    lost: Mapped[int] = mapped_column(default=0)
-    """How many workers were lost in it: three, and it is quarantined."""
-    fence: Mapped[int] = mapped_column(default=0)
-    """Rises with every claim: a worker that lost its lease can store nothing."""
-    lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    holder: Mapped[str | None]
-    """The process that runs it or ran it last, as host:pid."""
-    sent_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    """When its message was sent, while it is queued."""
-    due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    """When something that it needs first did not answer: it is tried again for a day from then."""
+    lost: Mapped[int] = mapped_column(default=0)  # how many workers were lost in it: three quarantine it
+    fence: Mapped[int] = mapped_column(default=0)  # rises with every claim: a lost lease can store nothing
+    lease_until: Mapped[datetime | None]
+    holder: Mapped[str | None]  # the process that runs it or ran it last, as host:pid
+    sent_at: Mapped[datetime | None]  # of its message, while it is queued
+    due_at: Mapped[datetime] = mapped_column(default=utc_now)
+    faulty_since: Mapped[datetime | None]  # something that it needs did not answer: tried again for a day
     request_id: Mapped[str | None] = mapped_column(default=present_request_id)
     """The request that queued it, as its log line and `X-Request-ID` name it."""
-    traceparent: Mapped[str | None] = mapped_column(default=None)
-    """Of releases before 0.4, which sent traces."""
-    waits_for: Mapped[str | None]
-    """What serves nobody, as the last attempt found; None for a job that waits for its turn alone."""
-    error: Mapped[Json | None] = mapped_column(default=None)
-    result: Mapped[Json | None] = mapped_column(default=None, doc="Ids and links of what was made.")
-    traceback: Mapped[str | None]
-    """Kept for the operator, never served."""
+    traceparent: Mapped[str | None]  # of releases before 0.4, which sent traces
+    waits_for: Mapped[str | None]  # what serves nobody, as the last attempt found; None: its turn alone
+    error: Mapped[Json | None]
+    result: Mapped[Json | None] = mapped_column(doc="Ids and links of what was made.")
+    traceback: Mapped[str | None]  # kept for the operator, never served
     created_by: Mapped[str]
-    finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    finished_at: Mapped[datetime | None]
     dismissed_at: Mapped[datetime | None] = mapped_column(
-        UtcDateTime,
-        default=None,
-        doc="When a person dismissed its failure: it is no longer listed as one to mend.",
+        doc="When a person dismissed its failure: it is no longer listed as one to mend."
     )
 
 
@@ -82,8 +69,7 @@ class Turn(Base):
     __tablename__ = "turn"
 
     queue: Mapped[str] = mapped_column(primary_key=True)
-    organisation_id: Mapped[str] = mapped_column(default="")
-    """The one whose job was sent last."""
+    organisation_id: Mapped[str] = mapped_column(default="")  # the one whose job was sent last
 
 
 class PartRow(Base):
@@ -96,11 +82,8 @@ class PartRow(Base):
     kind: Mapped[str]
     host: Mapped[str]
     pid: Mapped[int]
-    started_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    seen_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    """When the process last wrote this row."""
-    worked_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    """When it last did its work, or was free to: the loop that does the work sets it."""
+    started_at: Mapped[datetime] = mapped_column(default=utc_now)
+    seen_at: Mapped[datetime]  # when the process last wrote this row
+    worked_at: Mapped[datetime]  # when the loop that does the work last did some, or was free to
     details: Mapped[Json] = mapped_column(default=dict)
-    counts: Mapped[Json | None] = mapped_column(default=None)
-    """What the other processes of its kind must count with: shown to nobody."""
+    counts: Mapped[Json | None]  # what the other processes of its kind must count with: shown to nobody

@@ -3,10 +3,10 @@
 from datetime import date, datetime
 from typing import Any, ClassVar, Literal
 
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, String, UniqueConstraint
+from sqlalchemy import CheckConstraint, ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, Base, Dated, Json, UtcDateTime, new_id, one_of
+from store.tables.base import Audited, Base, BigInt, Dated, Json, Owned, Sha256, new_id, one_of
 
 MeterKind = Literal["luminance", "illuminance", "sunshine"]
 _WHO = "Who uses the key, as certificates name who fitted and who approved."
@@ -17,14 +17,11 @@ class Organisation(Audited, Dated, Base):
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("org"))
     name: Mapped[str] = mapped_column(unique=True)
-    address: Mapped[str | None]
-    """As a certificate names it."""
-    operator: Mapped[bool] = mapped_column(default=False)
-    """The organisation that runs this service: its admins found the others."""
+    address: Mapped[str | None]  # as a certificate names it
+    operator: Mapped[bool] = mapped_column(default=False)  # it runs this service: its admins found the others
     refuses_incomplete_certificates: Mapped[bool] = mapped_column(default=False)
     """Publishing is refused, not only warned of, while a certificate lacks what ISO/IEC 17025 asks for."""
-    time_zone: Mapped[str | None]
-    """Of the clocks of its cameras, for files without an offset: an IANA name or an offset."""
+    time_zone: Mapped[str | None]  # of its cameras' clocks, for files without an offset: IANA name or offset
 
 
 class ApiKey(Audited, Dated, Base):
@@ -39,11 +36,11 @@ class ApiKey(Audited, Dated, Base):
     name: Mapped[str]
     person: Mapped[str | None] = mapped_column(doc=_WHO)
     role: Mapped[str | None] = mapped_column(doc=_WHO)
-    sha256: Mapped[str] = mapped_column(String(64), unique=True)
+    sha256: Mapped[Sha256] = mapped_column(unique=True)
     scopes: Mapped[list[str]]
-    expires_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
-    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
-    revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime | None]
+    last_used_at: Mapped[datetime | None] = mapped_column(doc="To ten minutes.")
+    revoked_at: Mapped[datetime | None]
 
 
 class WebSession(Audited, Dated, Base):
@@ -56,10 +53,9 @@ class WebSession(Audited, Dated, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
     browser: Mapped[str | None] = mapped_column(doc="As it names itself.")
-    expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
-    ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
-    """Signed out, ended by somebody who may, or its key revoked."""
+    expires_at: Mapped[datetime]
+    last_used_at: Mapped[datetime | None] = mapped_column(doc="To ten minutes.")
+    ended_at: Mapped[datetime | None]  # signed out, ended by somebody who may, or its key revoked
 
 
 class Usage(Base):
@@ -69,12 +65,9 @@ class Usage(Base):
 
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
     frames: Mapped[int]
-    stored_bytes: Mapped[int] = mapped_column(BigInteger)
-    """Of the files of its frames, in each campaign that has them."""
-    jobs_most: Mapped[int] = mapped_column(default=0)
-    """At least as many as its jobs that wait or run: while this is below the quota, nobody counts them."""
-    counted_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    """When it was last counted by adding up."""
+    stored_bytes: Mapped[BigInt]  # of its frames' files, in each campaign again
+    jobs_most: Mapped[int] = mapped_column(default=0)  # no fewer than wait or run: counted only at the quota
+    counted_at: Mapped[datetime]  # when it was last counted by adding up
 
 
 class IdempotentAnswer(Dated, Base):
@@ -84,14 +77,13 @@ class IdempotentAnswer(Dated, Base):
 
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
     key: Mapped[str] = mapped_column(primary_key=True)
-    fingerprint: Mapped[str] = mapped_column(String(64))
-    """sha256 of method, address and body: the same key with another request is refused."""
+    fingerprint: Mapped[Sha256]  # of method, address and body: the same key for another is refused
     status: Mapped[int]
     headers: Mapped[Json]
     body: Mapped[Json]
 
 
-class Camera(Audited, Dated, Base):
+class Camera(Audited, Dated, Owned, Base):
     __tablename__ = "camera"
     __table_args__ = (
         UniqueConstraint("organisation_id", "make", "model", "serial"),
@@ -100,7 +92,6 @@ class Camera(Audited, Dated, Base):
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cam"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     make: Mapped[str]
     model: Mapped[str]
     serial: Mapped[str]
@@ -112,7 +103,7 @@ class Camera(Audited, Dated, Base):
     note: Mapped[str | None]
 
 
-class Meter(Audited, Dated, Base):
+class Meter(Audited, Dated, Owned, Base):
     __tablename__ = "meter"
     __table_args__ = (
         UniqueConstraint("organisation_id", "kind", "make", "model", "serial"),
@@ -126,7 +117,6 @@ class Meter(Audited, Dated, Base):
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("met"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     kind: Mapped[str]
     make: Mapped[str]
     model: Mapped[str]
@@ -139,28 +129,24 @@ class Meter(Audited, Dated, Base):
     certificate_coverage_factor: Mapped[float | None]
 
 
-class Panel(Audited, Dated, Base):
+class Panel(Audited, Dated, Owned, Base):
     """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
 
     __tablename__ = "panel"
     __table_args__ = (UniqueConstraint("organisation_id", "serial", "measured_on"),)
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pnl"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     serial: Mapped[str]
     measured_on: Mapped[date]
-    bands: Mapped[list[Any]]
-    """Of each band its name, its reflectance and, where stated, the standard uncertainty of that."""
+    bands: Mapped[list[Any]]  # of each its name, reflectance and, where stated, standard uncertainty
 
 
-class Rig(Audited, Dated, Base):
+class Rig(Audited, Dated, Owned, Base):
     """Cameras that are mounted together; with another camera it is another rig."""
 
     __tablename__ = "rig"
     __table_args__ = (UniqueConstraint("organisation_id", "name"),)
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rig"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     name: Mapped[str]
-    camera_ids: Mapped[list[str]]
-    """The reference first."""
+    camera_ids: Mapped[list[str]]  # the reference first

@@ -3,10 +3,10 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ForeignKey, Index, String, UniqueConstraint
+from sqlalchemy import ForeignKey, Index, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, utc_now
+from store.tables.base import Audited, Base, Json, Sha256, new_id, utc_now
 
 
 class Road(Audited, Base):
@@ -30,7 +30,7 @@ class Road(Audited, Base):
         default=list, doc="Names of grid points that a car or a tree hides, as a person marked them."
     )
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    created_at: Mapped[datetime] = mapped_column(default=utc_now)
 
 
 class RoadResult(Audited, Base):
@@ -49,7 +49,7 @@ class RoadResult(Audited, Base):
     result: Mapped[Json]
     result_schema: Mapped[int]
     software: Mapped[Json]
-    content_sha256: Mapped[str] = mapped_column(String(64))
+    content_sha256: Mapped[Sha256]
     map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_by: Mapped[str]
-    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    created_at: Mapped[datetime] = mapped_column(default=utc_now)
