@@ -36,18 +36,14 @@ class Scale:
     cols: int = 5280
     rounds: int = 7
     uploads: int = 5
-    grown: int = 10_000
-    """Frames of a campaign, beside a hundredth of them."""
+    grown: int = 10_000  # frames of a campaign, beside a hundredth of them
     jobs: int = 100_000
-    coefficients: tuple[int, ...] = (2_000, 20_000)
-    """How many there are, one after the other."""
-    lookups: int = 400
-    """Look-ups of one turn."""
+    coefficients: tuple[int, ...] = (2_000, 20_000)  # how many there are, one after the other
+    lookups: int = 400  # look-ups of one turn
     starts: int = 2
     rests_s: float = 12.0
     workers: int = 20
-    job_s: float = 1.0
-    """Three such jobs a worker in a round."""
+    job_s: float = 1.0  # three such jobs a worker in a round
     card: int = 500
     restarts: int = 7
 

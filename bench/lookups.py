@@ -34,8 +34,7 @@ from tests.support.postgres import PostgresServer
 _CONNECTIONS = 4
 _CAMERAS = 100
 _SERIES = 20
-_VERSIONS = 10
-"""Versions of each camera, of ten coefficients each."""
+_VERSIONS = 10  # versions of each camera, of ten coefficients each
 _METHOD = "luminance"
 _NOTHING = {"iso_fits": [], "points": [], "scenes": [], "flags": [], "tolerance_rel": 0.04, "passed": True}
 _BEGIN = datetime(2020, 1, 1, tzinfo=UTC)

@@ -158,9 +158,8 @@ def compare(
     shown = {row["iso"]: row["value"] for row in general if row["name"] == "luminance_k"}
     for iso in truth:
         if shown[iso] != found[iso].value:
-            raise ValueError(
-                f"iso {iso}: the series says {shown[iso]}, the coefficients say {found[iso].value}"
-            )
+            message = f"iso {iso}: the series says {shown[iso]}, the coefficients say {found[iso].value}"
+            raise ValueError(message)
     return {iso: Finding.of(str(iso), found[iso], truth=true_k) for iso, true_k in truth.items()}
 
 

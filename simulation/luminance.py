@@ -39,8 +39,7 @@ X5S = change(
     falloff=(-0.55, 0.0, 0.0),
 )
 
-SCENE_S = 600.0
-"""Duration of a light level, from its first reading to its last frame."""
+SCENE_S = 600.0  # duration of a light level, from its first reading to its last frame
 
 _USABLE_SHARES = (0.02, 0.8)
 _STEP_NM = 5.0

@@ -211,6 +211,9 @@ def _describe(
     terms = tuple(sign * term / _half_diagonal(rig) ** (power + 1) for power, term in enumerate(_FALLOFF))
     x, y = _centre(rig)
     radial = multispectral.RadialVignetting(centre_x_px=x, centre_y_px=y, coefficients=terms)
+    time_s = channel.exposure_time_s
+    radiance = multispectral.RadianceModel(a1=_A1, a2=time_s * rig.row_growth / sensor.height_px, a3=0.0)
+    gain = multispectral.GainModel(gain=1.0, exposure_time_s=time_s, adjustment=_ADJUSTMENT)
     return multispectral.Multispectral(
         system=rig.system,
         band=name,
@@ -223,16 +226,8 @@ def _describe(
         vignetting_polynomial=sequoia.LENS if flat else None,
         radial_vignetting=None if flat or dji else radial,
         radial_gain=radial if dji else None,
-        radiance_model=None
-        if dji
-        else multispectral.RadianceModel(
-            a1=_A1, a2=channel.exposure_time_s * rig.row_growth / sensor.height_px, a3=0.0
-        ),
-        gain_model=multispectral.GainModel(
-            gain=1.0, exposure_time_s=channel.exposure_time_s, adjustment=_ADJUSTMENT
-        )
-        if dji
-        else None,
+        radiance_model=None if dji else radiance,
+        gain_model=gain if dji else None,
         black_dn=sensor.black_level_dn if dji else None,
         sunshine_serial=rig.sunshine_serial,
         irradiance=_state_light(rig, light),

@@ -6,25 +6,33 @@ be compared.
 
 import argparse
 import os
+import platform
 import sys
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
 
+import numpy as np
+import scipy
 from rich.console import Console
+from rich.table import Table
 
 import stilb
-from verify import checks, compare, recompute
-from verify.data import (
-    Node,
-    Unusable,
-    is_address,
-    is_measurement,
-    open_export,
-    read_certificate,
-    read_folder,
-    split_address,
-)
-from verify.measurement import verify_measurement
-from verify.report import conclude, name_libraries, name_unseen, tabulate
+from radiometry.findings import shared
+from radiometry.methods import get_method
+from verify import checks, compare, data, measurement, recompute
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
+
+_HELD_FOR = {"iso": "ISO {:g}", "f_number": "f/{:g}", "band": "{}", "channel": "{}"}
+_MOST_IN_GROUP = 12
+_OF_MEASUREMENT = tuple(
+    f"{name}.{part}" for name in ("mean", "value") for part in ("value", "standard_uncertainty")
+)
+_WORDS: Final[dict[compare.Agreement, str]] = {
+    "same": "the same",
+    "rounding": "to rounding",
+    "different": "different",
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -33,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
     console = Console(highlight=False)
     try:
         return _verify(asked.certificate, asked.data, asked.key, console)
-    except (Unusable, stilb.Problem, DecoderKilled, DecoderUnavailable) as error:
+    except (data.Unusable, stilb.Problem, DecoderKilled, DecoderUnavailable) as error:
         console.print(f"verify: {error}", markup=False, soft_wrap=True)
         return 2
     except (KeyError, TypeError, ValueError) as error:
@@ -43,26 +51,22 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _verify(place: str, data_place: str, key: str, console: Console) -> int:
-    certificate = read_certificate(place, key)
-    if is_measurement(certificate):
-        opened = open_export(data_place, key, certificate["id"], measured=True)
+    certificate = data.read_certificate(place, key)
+    if data.is_measurement(certificate):
+        opened = data.open_export(data_place, key, certificate["id"], measured=True)
         with opened as folder, DecoderPool() as decoders:
-            return _report(certificate, verify_measurement(certificate, folder, decoders), console)
+            return _report(
+                certificate, measurement.verify_measurement(certificate, folder, decoders), console
+            )
     with DecoderPool() as decoders, console.status("reading the frames") as status:
 
         def tell(done: int, total: int) -> None:
             status.update(f"reading the frames: {done} of {total}")
 
-        with open_export(data_place, key, certificate["calibration_id"]) as folder:
-            data = read_folder(folder)
-            rows = checks.check(certificate, data, recompute.recompute(certificate, data, decoders, tell))
+        with data.open_export(data_place, key, certificate["calibration_id"]) as folder:
+            held = data.read_folder(folder)
+            rows = checks.check(certificate, held, recompute.recompute(certificate, held, decoders, tell))
     return _report(certificate, rows, console)
-
-
-def _report(certificate: Node, rows: list[compare.Row], console: Console) -> int:
-    console.print(tabulate(certificate, rows))
-    console.print(f"{conclude(rows)}{name_unseen(certificate)} {name_libraries()}", markup=False)
-    return 1 if any(row.agreement == "different" for row in rows) else 0
 
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
@@ -77,10 +81,100 @@ def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")
     asked = parser.parse_args(arguments)
     if not asked.data:
-        if not is_address(asked.certificate):
+        if not data.is_address(asked.certificate):
             parser.error("say where the frames are: --data FOLDER or --data http://...")
-        asked.data, _ = split_address(asked.certificate)
+        asked.data, _ = data.split_address(asked.certificate)
     return asked
+
+
+def _report(certificate: data.Node, rows: list[compare.Row], console: Console) -> int:
+    console.print(_tabulate(certificate, rows))
+    libraries = f"numpy {np.__version__} and scipy {scipy.__version__} on {platform.machine()}"
+    answer = f"{_conclude(rows)}{_name_unseen(certificate)} Recomputed with {libraries}."
+    console.print(answer, markup=False)
+    return 1 if any(row.agreement == "different" for row in rows) else 0
+
+
+def _tabulate(certificate: data.Node, rows: list[compare.Row]) -> Table:
+    table = Table(title=_name(certificate), title_justify="left")
+    for name in ("quantity", "certificate", "recomputed", "same?"):
+        table.add_column(name, overflow="fold")
+    for name, row in _list_headlines(certificate, rows):
+        table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
+    table.add_section()
+    for group in dict.fromkeys(row.group for row in rows):
+        mine = [row for row in rows if row.group == group]
+        counts = Counter(row.agreement for row in mine)
+        found = ", ".join(f"{counts[each]} {word}" for each, word in _WORDS.items() if counts[each])
+        verdict = "NO" if counts["different"] else "rounding" if counts["rounding"] else "yes"
+        table.add_row(f"{group.replace('_', ' ')} (all)", f"{len(mine)}", found, verdict)
+    if different := [row for row in rows if row.agreement == "different"]:
+        table.add_section()
+    for group in dict.fromkeys(row.group for row in different):
+        mine = [row for row in different if row.group == group]
+        for row in mine[:_MOST_IN_GROUP]:
+            name = f"{group}: {row.quantity}"
+            table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
+        if len(mine) > _MOST_IN_GROUP:
+            table.add_row(f"{group}: and {len(mine) - _MOST_IN_GROUP} more", "", "", "NO")
+    return table
+
+
+def _list_headlines(certificate: data.Node, rows: list[compare.Row]) -> Iterator[tuple[str, compare.Row]]:
+    """The results by name: every coefficient with u."""
+    # the whole certificate is compared with the data's copy too, under the same names
+    figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
+    if data.is_measurement(certificate):
+        means = {row.quantity: row for row in rows if row.group == "result"}
+        yield from ((name, means[name]) for name in _OF_MEASUREMENT if name in means)
+        return
+    for index, coefficient in enumerate(certificate["coefficients"]):
+        held = [form.format(coefficient[name]) for name, form in _HELD_FOR.items() if name in coefficient]
+        label = get_method(certificate["method"]).label_coefficient(coefficient["name"])
+        named = ", ".join([label, *held])
+        for name, symbol in (("value", named), ("standard_uncertainty", f"u({named})")):
+            if (row := figures.get(f"coefficients[{index}].{name}")) is not None:
+                yield symbol, row
+
+
+def _name(certificate: data.Node) -> str:
+    named = f"Measurement {certificate['id']}" if data.is_measurement(certificate) else ""
+    return named or f"Certificate {certificate['number']}"
+
+
+def _name_unseen(certificate: data.Node) -> str:
+    """Return how many frames were rows of a table, whose pixels nobody can recompute; "" if none was."""
+    frames = certificate.get("frames", [])
+    unseen = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
+    return (
+        f" Of {len(frames)} frames {unseen} are rows of a table: their pixels were not seen."
+        if unseen
+        else ""
+    )
+
+
+def _conclude(rows: list[compare.Row]) -> str:
+    """Return the answer: the same to the last bit, the same to rounding, or different."""
+    counts = Counter(row.agreement for row in rows)
+    if counts["different"]:
+        return f"{counts['different']} of {len(rows)} quantities differ."
+    if not counts["rounding"]:
+        return f"All {len(rows)} quantities are the same to the last bit."
+    largest = max(row.relative for row in rows if row.agreement == "rounding")
+    return (
+        f"All {len(rows)} quantities are the same to rounding: {counts['same']} to the last bit, "
+        f"{counts['rounding']} to {largest:.0e} of their uncertainty or size. Another processor or numeric "
+        "library rounds differently."
+    )
+
+
+def _verdict(row: compare.Row) -> str:
+    word = {"same": "yes", "rounding": "rounding", "different": "NO"}[row.agreement]
+    return f"{word} {row.difference}".strip()
+
+
+def _show(value: object) -> str:
+    return value if isinstance(value, str) else repr(value)
 
 
 if __name__ == "__main__":

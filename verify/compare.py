@@ -15,10 +15,8 @@ ROUNDING_REL: Final = 1e-9
 Another processor or numeric library changes single operations by 1e-16; cancellation and iterations amplify
 that.
 """
-_LAST_DIGITS_REL: Final = 1e-14
-"""Difference of a number relative to itself that is rounding, however small its uncertainty is."""
-_SERIES: Final = 16
-"""Fewest numbers of a list that are samples of one quantity, not parameters of several."""
+_LAST_DIGITS_REL: Final = 1e-14  # difference of a number that is rounding, however small its uncertainty is
+_SERIES: Final = 16  # fewest numbers of a list that are samples of one quantity, not parameters of several
 _U: Final = "standard_uncertainty"
 _QUANTITY: Final = frozenset({"value", _U, "expanded_uncertainty"})
 

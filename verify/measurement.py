@@ -23,8 +23,7 @@ from worker.maps.tiff import ROUNDING_REL
 from worker.measuring.task import Task
 from worker.tasks.measure import measure_frame
 
-_PIXEL_REL = 2.1 * ROUNDING_REL
-"""By how much a pixel may differ: where a last digit decides, its rounding in the file goes either way."""
+_PIXEL_REL = 2.1 * ROUNDING_REL  # where a last digit decides, its rounding in the file goes either way
 
 
 def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> list[Row]:

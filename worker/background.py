@@ -11,16 +11,13 @@ from sqlalchemy.orm import Session, aliased
 from store import blobs, jobs, software
 from store.database import Database
 from store.files import SCRUB_DAYS, Files
-from store.jobs.processes import repeat
 from store.queries import campaigns, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Job, utc_now
 
 _RENEWED_AT_ONCE: Final = 500
-_IN_ONE_COMMIT: Final = 20
-"""While one lasts, nobody else writes to SQLite."""
+_IN_ONE_COMMIT: Final = 20  # while one lasts, nobody else writes to SQLite
 _RENEWAL_REST_S: Final = 5.0
-_RENEWED_S: Final = 24 * 3600.0
-"""Only another version of the code, which is another process, leaves more to do."""
+_RENEWED_S: Final = 24 * 3600.0  # only another version of the code, another process, leaves more to do
 
 
 class Renewal:
@@ -30,13 +27,8 @@ class Renewal:
         self, database: Database, *, leads: Callable[[Session], bool] = lambda _session: True
     ) -> None:
         """``leads``: whether this process is the one of several that looks."""
-        self._database = database
-        self._leads = leads
-        self._before: str | None = None
-        """The last frame that was queued: each is queued once, whatever comes of it."""
-
-    def start(self) -> None:
-        repeat("renewal", self.do_round)
+        self._database, self._leads = database, leads
+        self._before: str | None = None  # the last that was queued: each is queued once, whatever comes of it
 
     def do_round(self) -> float:
         """Queue some frames unless others wait; return the pause until the next round [s]."""
@@ -78,11 +70,9 @@ def _select_outdated() -> Select[str]:
     )
 
 
-_BYTES_PER_S: Final = 20e6
-"""A disk reads ten times as fast: whoever works meanwhile notices little. 1.7 TB a day."""
+_BYTES_PER_S: Final = 20e6  # a disk reads ten times as fast: whoever works notices little. 1.7 TB a day
 _REST_S: Final = 60.0
-_LOOK_AGAIN_S: Final = 600.0
-"""How often what is damaged is looked at again: a backup may have brought it back."""
+_LOOK_AGAIN_S: Final = 600.0  # at what is damaged: a backup may have brought it back
 _PROVEN_AT_ONCE: Final = 50
 
 
@@ -98,14 +88,8 @@ class Scrub:
         leads: Callable[[Session], bool] = lambda _session: True,
     ) -> None:
         """``leads``: whether this process is the one of several that scrubs."""
-        self._database = database
-        self._files = files
-        self._wait = wait
-        self._leads = leads
+        self._database, self._files, self._wait, self._leads = database, files, wait, leads
         self._look_again_at = 0.0
-
-    def start(self) -> None:
-        repeat("scrub", self.do_round)
 
     def do_round(self) -> float:
         """Prove what is due, and look again at what is damaged; return the pause until the next round [s]."""
@@ -133,9 +117,8 @@ class Scrub:
 
     def _find_due(self) -> list[str]:
         limit = utc_now() - timedelta(days=SCRUB_DAYS)
-        due = select(Blob.sha256).where(
-            Blob.damage.is_(None), or_(Blob.proven_at < limit, Blob.digests.is_(None))
-        )
+        late = or_(Blob.proven_at < limit, Blob.digests.is_(None))
+        due = select(Blob.sha256).where(Blob.damage.is_(None), late)
         with self._database.reading() as session:
             return list(session.scalars(due.order_by(Blob.proven_at).limit(_PROVEN_AT_ONCE)))
 

@@ -23,11 +23,8 @@ class Consumer(CeleryConsumer):  # type: ignore[misc]
 
     class Blueprint(CeleryConsumer.Blueprint):  # type: ignore[misc]
         # who else is there changes nothing here, and asking delays the start by a second
-        default_steps = tuple(
-            step
-            for step in CeleryConsumer.Blueprint.default_steps
-            if not step.endswith((":Mingle", ":Gossip"))
-        )
+        _every = CeleryConsumer.Blueprint.default_steps
+        default_steps = tuple(step for step in _every if not step.endswith((":Mingle", ":Gossip")))
 
     def ensure_connected(self, conn: Any) -> Any:  # noqa: ANN401  kombu's
         def wait(look_for_stop: Callable[[], None]) -> None:
@@ -35,13 +32,9 @@ class Consumer(CeleryConsumer):  # type: ignore[misc]
             look_for_stop()
 
         ensure = conn.ensure_connection
+        pauses = {"interval_start": 0.2, "interval_step": 0.3, "interval_max": 2.0}
         conn.ensure_connection = lambda errback, retries, callback: ensure(
-            errback,
-            retries,
-            interval_start=0.2,
-            interval_step=0.3,
-            interval_max=2.0,
-            callback=partial(wait, callback),
+            errback, retries, callback=partial(wait, callback), **pauses
         )
         return super().ensure_connected(conn)
 

@@ -30,8 +30,7 @@ _FAREWELL_S = 3.0
 
 decoders = DecoderPool()
 _pulse = pulse.Pulse()
-_mine: dict[str, Any] = {}
-"""Of a pool process: its context, upkeep and presence; of the parent: the database and the sandbox."""
+_mine: dict[str, Any] = {}  # of a pool process: context, upkeep, presence; of the parent: database, sandbox
 
 
 class JobFailed(Exception):  # noqa: N818  it is what happened
@@ -126,8 +125,10 @@ def begin(**_: object) -> None:
 
     def lead() -> None:
         processes.sweep_floor(context.blobs, Partials.of(app.settings))
-        background.Renewal(context.database, leads=presence.leads).start()
-        background.Scrub(context.database, context.files, leads=presence.leads).start()
+        renewal = background.Renewal(context.database, leads=presence.leads)
+        scrub = background.Scrub(context.database, context.files, leads=presence.leads)
+        processes.repeat("renewal", renewal.do_round)
+        processes.repeat("scrub", scrub.do_round)
 
     upkeep = Upkeep(context, presence, lead=lead)
     _mine.update(context=context, upkeep=upkeep, presence=presence)

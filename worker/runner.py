@@ -35,8 +35,7 @@ _AWAY: Mapping[Dependency, tuple[type[Exception], ...]] = {
 }
 _STORE_ATTEMPTS = 5
 _KILLED_ATTEMPTS = 5
-_PATIENCE_S = 1800.0
-"""How long a result is kept for a database that does not answer."""
+_PATIENCE_S = 1800.0  # how long a result is kept for a database that does not answer
 _PAUSE_S = 0.5
 _DROPPED: Mapping[str, Any] = {"state": "dropped"}
 
@@ -53,10 +52,9 @@ def run(context: Context, job_id: str) -> Mapping[str, Any]:
 
 def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
     began = time.monotonic()
-    told = {"kind": claim.kind, "subject_id": claim.subject_id, "attempt": claim.attempt}
+    known = {name: getattr(claim, name) for name in ("job_id", "kind", "subject_id", "attempt")}
     if claim.request_id:
-        told["request_id"] = claim.request_id
-    known = {"job_id": claim.job_id, **told}
+        known["request_id"] = claim.request_id
     with context.leases.hold(claim), log_fields.fields(**known):
         ending = _work(context, claim)
         try:
@@ -117,13 +115,10 @@ def _store(claim: Claim, outcome: Outcome) -> Ending:
     def end(session: Session) -> Mapping[str, Any]:
         result = outcome.store(session)
         if outcome.rejection is not None:
-            found = problem(outcome.rejection.code, outcome.rejection.message)
-            return _fail(claim, found)(session)
+            return _fail(claim, problem(outcome.rejection.code, outcome.rejection.message))(session)
         jobs.succeed(session, claim, result)
-        return {
-            "state": "succeeded",
-            **{name: value for name, value in result.items() if name.endswith("_id")},
-        }
+        ids = {name: value for name, value in result.items() if name.endswith("_id")}
+        return {"state": "succeeded", **ids}
 
     return end
 

@@ -26,10 +26,8 @@ from worker.context import Context
 from worker.runner import serves
 
 _LOOKS_A_LEASE: Final = 10
-_FURTHEST_DUE: Final = timedelta(minutes=5)
-"""Further ahead than any pause before a job is tried again."""
-_LEASES_AHEAD: Final = 3
-"""Workers may have different leases in their settings."""
+_FURTHEST_DUE: Final = timedelta(minutes=5)  # further ahead than any pause before a job is tried again
+_LEASES_AHEAD: Final = 3  # workers may have different leases in their settings
 _JUMP_S: Final = 5.0
 
 
@@ -39,8 +37,7 @@ class ClockWatch:
     def __init__(
         self, *, wall: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic
     ) -> None:
-        self._wall = wall
-        self._steady = steady
+        self._wall, self._steady = wall, steady
         self._ahead_s = wall() - steady()
 
     def jumped_s(self) -> float:
@@ -60,16 +57,11 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
 
 
 class Look(NamedTuple):
-    unsent: bool
-    """A job is due, and no message of its queue is on its way."""
-    late: bool
-    """A job was sent seconds ago and has not begun."""
-    held_back: bool
-    """Jobs wait until the file store serves."""
-    stale: bool
-    """The review of a campaign is stale and computed by no worker."""
-    lost: bool
-    """A lease has run out, or a time lies further ahead than any rule sets."""
+    unsent: bool  # a job is due, and no message of its queue is on its way
+    late: bool  # a job was sent seconds ago and has not begun
+    held_back: bool  # jobs wait until the file store serves
+    stale: bool  # the review of a campaign is stale and computed by no worker
+    lost: bool  # a lease has run out, or a time lies further ahead than any rule sets
 
 
 def look(session: Session, *, lease_s: float) -> Look:
@@ -124,14 +116,10 @@ class Upkeep:
 
     def __init__(self, context: Context, presence: processes.Presence, *, lead: Callable[[], None]) -> None:
         """``lead`` begins, once, what one process of all workers is enough for."""
-        self._context = context
-        self._presence = presence
-        self._lead = lead
-        self._leads = False
+        self._context, self._presence, self._lead = context, presence, lead
+        self._leads = self._renews = self._store_away = False
         self._wall = ClockWatch()
         self._renewed_at = 0.0
-        self._renews = False
-        self._store_away = False
         self._away_since: float | None = None
         self._ended = threading.Event()
 

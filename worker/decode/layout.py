@@ -110,9 +110,8 @@ def read_black_levels(directory: tiff.Directory, *, height: int, width: int, sam
         # Some writers give one value for a larger pattern.
         repeat, values = [1, 1], values * samples
     if values and len(values) != repeat[0] * repeat[1] * samples:
-        raise files.UNSUPPORTED_LAYOUT.refuse(
-            f"The file has {len(values)} black levels for a {repeat} pattern."
-        )
+        message = f"The file has {len(values)} black levels for a {repeat} pattern."
+        raise files.UNSUPPORTED_LAYOUT.refuse(message)
     pattern = np.array(values or [0.0] * samples).reshape(*(repeat if values else (1, 1)), samples)
     return BlackLevels(
         pattern=pattern,
@@ -125,9 +124,8 @@ def read_black_levels(directory: tiff.Directory, *, height: int, width: int, sam
 def _deltas(directory: tiff.Directory, tag: int, expected: int) -> NDArray[np.float64]:
     values = np.array(_levels(directory, tag, at_most=expected))
     if len(values) not in (0, expected):
-        raise files.SIZE_MISMATCH.refuse(
-            f"The file has {len(values)} black level deltas for {expected} lines."
-        )
+        message = f"The file has {len(values)} black level deltas for {expected} lines."
+        raise files.SIZE_MISMATCH.refuse(message)
     return values
 
 
@@ -325,9 +323,8 @@ def _places(
     if not len(byte_counts):
         byte_counts = np.zeros_like(offsets)
     if len(offsets) < expected or len(byte_counts) < expected:
-        raise files.TRUNCATED.refuse(
-            f"The image has {expected} pieces, the file knows of {min(len(offsets), len(byte_counts))}."
-        )
+        message = f"The image has {expected} pieces, the file knows of {min(len(offsets), len(byte_counts))}."
+        raise files.TRUNCATED.refuse(message)
     if len(offsets) > expected or len(byte_counts) > expected:
         raise files.SIZE_MISMATCH.refuse(f"The file holds more image data than its {expected} pieces.")
     return offsets, byte_counts
@@ -373,9 +370,5 @@ def _merge_strips(layout: Layout) -> Layout:
     ends = layout.offsets + layout.byte_counts
     if np.any(ends[:-1] != layout.offsets[1:]):
         return layout
-    return replace(
-        layout,
-        segment_rows=layout.rows,
-        offsets=layout.offsets[:1],
-        byte_counts=layout.byte_counts.sum(keepdims=True),
-    )
+    size = layout.byte_counts.sum(keepdims=True)
+    return replace(layout, segment_rows=layout.rows, offsets=layout.offsets[:1], byte_counts=size)

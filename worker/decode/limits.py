@@ -25,9 +25,8 @@ def check_frame_size(rows: int, cols: int) -> None:
         raise files.FRAME_TOO_SMALL.refuse(f"The image has only {cols} x {rows} pixels.")
     if max(rows, cols) > MAX_SIDE_PX or rows * cols > MAX_FRAME_PX:
         limit = MAX_FRAME_PX // 1_000_000
-        raise files.FRAME_TOO_LARGE.refuse(
-            f"The file claims {cols} x {rows} pixels, above the limit of {limit} megapixels."
-        )
+        message = f"The file claims {cols} x {rows} pixels, above the limit of {limit} megapixels."
+        raise files.FRAME_TOO_LARGE.refuse(message)
 
 
 def check_backed(claimed: float, held: float) -> None:
@@ -61,8 +60,7 @@ class DecoderLimits:
         return min(self.wall_seconds, _WALL_S + _WALL_S_PER_MIB * file_bytes / (1 << 20))
 
 
-Allow = Callable[[int], None]
-"""Is told the number of samples of a frame before anything of their size is allocated."""
+Allow = Callable[[int], None]  # is told a frame's samples before anything of their size is allocated
 
 _MIB: Final = 1 << 20
 # The file is mapped, copied for a decoder that wants it in one piece, and copied once more by that.

@@ -62,9 +62,8 @@ def decode(data: bytes, *, samples: int) -> tuple[NDArray[np.uint16], int]:
     header = stream.header
     claimed = header.rows * header.cols * header.components
     if claimed != samples:
-        raise files.SIZE_MISMATCH.refuse(
-            f"A piece of the image holds {claimed} samples where {samples} belong."
-        )
+        message = f"A piece of the image holds {claimed} samples where {samples} belong."
+        raise files.SIZE_MISMATCH.refuse(message)
     try:
         decoded = np.asarray(
             imagecodecs.jpeg8_decode(b"".join((rebuild(header), stream.scan, _END, _BEYOND)))

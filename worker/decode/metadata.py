@@ -189,12 +189,7 @@ def read_attitude(xmp: Xmp) -> tuple[frame.StatedAngle, ...]:
 
 _BELOW_SEA_LEVEL: Final = 1
 _HIGHEST_M: Final = 1e5
-_FIXES: Final = (
-    (range(1), "none"),
-    (range(16, 17), "single"),
-    (range(32, 50), "float"),
-    (range(50, 51), "fixed"),
-)
+_FIXES: Final = {"none": range(1), "single": range(16, 17), "float": range(32, 50), "fixed": range(50, 51)}
 
 
 def read_position(main: tiff.Directory) -> dict[str, float | None]:
@@ -221,7 +216,7 @@ def read_fix(xmp: Xmp) -> frame.PositionFix | None:
         return None
     deviations = [xmp.number(f"drone-dji:RtkStd{axis}") for axis in ("Lat", "Lon", "Hgt")]
     latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
-    kind = next((kind for states, kind in _FIXES if state in states), "other")
+    kind = next((kind for kind, states in _FIXES.items() if state in states), "other")
     return frame.PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
 
 
@@ -254,25 +249,17 @@ def _letter(gps: tiff.Directory, tag: int) -> str:
 
 
 _ASK_ELSEWHERE: Final = 65_535  # EXIF 2.3: the ISO does not fit, another tag has it
-_PROGRAMS: Final[dict[int | None, str]] = {
-    1: "manual",
-    2: "program",
-    3: "aperture_priority",
-    4: "shutter_priority",
-    5: "creative",
-    6: "action",
-    7: "portrait",
-    8: "landscape",
-}
+_AUTOMATIC: Final = ("program", "aperture_priority", "shutter_priority", "creative", "action")
+_PROGRAMS: Final[dict[int | None, str]] = dict(
+    enumerate(("manual", *_AUTOMATIC, "portrait", "landscape"), start=1)
+)
 _MODES: Final[dict[int | None, str]] = {0: "auto", 1: "manual", 2: "bracket"}
 # Compiled here, once, rather than by each cell.
 _FRACTION: Final = re.compile(r"[0-9]{1,9}")
 _OFFSET: Final = re.compile(r"[+-]([01][0-9]|2[0-3]):[0-5][0-9]|Z")
 _ISO_TAGS: Final = (
-    tags.ISO_RATINGS,
-    tags.RECOMMENDED_EXPOSURE_INDEX,
-    tags.ISO_SPEED,
-    tags.STANDARD_OUTPUT_SENSITIVITY,
+    *(tags.ISO_RATINGS, tags.RECOMMENDED_EXPOSURE_INDEX),
+    *(tags.ISO_SPEED, tags.STANDARD_OUTPUT_SENSITIVITY),
 )
 
 

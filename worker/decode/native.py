@@ -12,18 +12,7 @@ from numpy.typing import NDArray
 from radiometry.findings import files
 from radiometry.frame import FrameHeader, proof
 from worker.decode import dialects, limits, ljpeg, metadata, segments, tags, tiff
-from worker.decode.layout import (
-    Area,
-    BlackLevels,
-    Layout,
-    read_black_levels,
-    read_cfa,
-    read_layout,
-    read_linearization,
-    read_opcodes,
-    read_visible_area,
-    read_white_levels,
-)
+from worker.decode import layout as layouts
 from worker.decode.libraw import LibRawFile
 
 _TILE_PX: Final = 256
@@ -101,9 +90,9 @@ class ImageDescription:
     """One image of a file: how it is stored and what its samples mean."""
 
     header: FrameHeader
-    layout: Layout
-    visible: Area
-    black: BlackLevels
+    layout: layouts.Layout
+    visible: layouts.Area
+    black: layouts.BlackLevels
     table: NDArray[np.uint16] | None
     digest: StatedDigest | None
 
@@ -111,21 +100,20 @@ class ImageDescription:
 def describe_dng(raw: tiff.Directory, main: tiff.Directory, file_size: int) -> ImageDescription:
     _refuse_lossy(raw)
     _refuse_hidden_mosaic(raw)
-    layout = read_layout(raw, file_size)
+    layout = layouts.read_layout(raw, file_size)
     if layout.samples != 1:
         raise files.UNSUPPORTED_LAYOUT.refuse(f"The raw image has {layout.samples} samples per pixel.")
     if layout.compression not in segments.COMPRESSIONS:
-        raise files.UNSUPPORTED_COMPRESSION.refuse(
-            f"The raw image is compressed by method {layout.compression}."
-        )
-    return _describe(raw, main, layout, cfa=read_cfa(raw), container="dng")
+        message = f"The raw image is compressed by method {layout.compression}."
+        raise files.UNSUPPORTED_COMPRESSION.refuse(message)
+    return _describe(raw, main, layout, cfa=layouts.read_cfa(raw), container="dng")
 
 
 def describe_tiff(image: tiff.Directory, file_size: int) -> ImageDescription:
     _refuse_hidden_mosaic(image)
     if image.integer(tags.COMPRESSION, tags.UNCOMPRESSED) not in set(segments.COMPRESSIONS) - {tags.JPEG}:
         raise files.UNSUPPORTED_COMPRESSION.refuse("The TIFF's compression is not read.")
-    layout = read_layout(image, file_size)
+    layout = layouts.read_layout(image, file_size)
     rgb = image.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_RGB
     if layout.bits not in (8, 16) or layout.samples != (3 if rgb else 1):
         raise files.UNSUPPORTED_LAYOUT.refuse(
@@ -135,21 +123,22 @@ def describe_tiff(image: tiff.Directory, file_size: int) -> ImageDescription:
 
 
 def _describe(
-    image: tiff.Directory, main: tiff.Directory, layout: Layout, *, cfa: str, container: str
+    image: tiff.Directory, main: tiff.Directory, layout: layouts.Layout, *, cfa: str, container: str
 ) -> ImageDescription:
-    if layout.predictor not in (1, 2) or (
-        layout.predictor == 2 and layout.samples * layout.bits not in (8, 16, 24, 48)
-    ):
-        raise files.UNSUPPORTED_COMPRESSION.refuse(
-            "The image is compressed with a predictor that is not read."
-        )
+    uneven = layout.predictor == 2 and layout.samples * layout.bits not in (8, 16, 24, 48)
+    if uneven or layout.predictor not in (1, 2):
+        message = "The image is compressed with a predictor that is not read."
+        raise files.UNSUPPORTED_COMPRESSION.refuse(message)
     dng = container == "dng"
-    visible = (
-        read_visible_area(image, layout.rows, layout.cols) if dng else Area(0, 0, layout.rows, layout.cols)
+    whole = layouts.Area(0, 0, layout.rows, layout.cols)
+    visible = layouts.read_visible_area(image, layout.rows, layout.cols) if dng else whole
+    black = layouts.read_black_levels(
+        image, height=visible.height, width=visible.width, samples=layout.samples
     )
-    black = read_black_levels(image, height=visible.height, width=visible.width, samples=layout.samples)
-    table = read_linearization(image) if dng else None
-    white, white_origin = read_white_levels(image, samples=layout.samples, bits=layout.bits, table=table)
+    table = layouts.read_linearization(image) if dng else None
+    white, white_origin = layouts.read_white_levels(
+        image, samples=layout.samples, bits=layout.bits, table=table
+    )
     cell = 1 if cfa in ("grey", "rgb") else 2
     band = dialects.read_multispectral(main, bits=layout.bits) if cfa == "grey" else None
     if band is not None and band.full_scale_dn is not None and white_origin == "default":
@@ -171,7 +160,7 @@ def _describe(
         black_level_origin=black.origin,
         white_level_dn=white * cell**2,
         white_level_origin=white_origin,
-        opcodes=read_opcodes(image),
+        opcodes=layouts.read_opcodes(image),
         multispectral=band,
         band_rows=layout.band_rows,
         first_band_rows=layout.band_rows - visible.top % layout.band_rows,
@@ -204,9 +193,7 @@ def _refuse_hidden_mosaic(image: tiff.Directory) -> None:
 
 class NativeFile:
     def __init__(self, source: tiff.Source, description: ImageDescription, allow: limits.Allow) -> None:
-        self._source = source
-        self._allow = allow
-        self._image = description
+        self._source, self._allow, self._image = source, allow, description
         self._libraw: LibRawFile | None = None
         self._consumed: dict[int, int] = {}
         self.header = description.header
@@ -232,7 +219,7 @@ class NativeFile:
         """Every visible row from the top, in bands, each with the first row's number."""
         image, layout, visible = self._image, self._image.layout, self._image.visible
         whole = image.digest is not None or layout.compression != tags.UNCOMPRESSED
-        area = Area(0, 0, layout.rows, layout.cols) if whole else visible
+        area = layouts.Area(0, 0, layout.rows, layout.cols) if whole else visible
         digest = DigestCheck(image.digest) if image.digest else None
         piece = 1 if layout.compression == tags.UNCOMPRESSED else layout.segment_rows
         step = piece * -(-_BAND_ROWS // piece)
@@ -246,9 +233,8 @@ class NativeFile:
             except ljpeg.NotDecodedHereError as error:
                 if self._consumed:
                     # no writer changes its way from piece to piece
-                    raise files.INCOMPLETE_IMAGE.refuse(
-                        "A piece of the image is coded unlike the others."
-                    ) from error
+                    message = "A piece of the image is coded unlike the others."
+                    raise files.INCOMPLETE_IMAGE.refuse(message) from error
                 self._hand_to_libraw()
             if self._libraw is not None:
                 rest = max(top, visible.top) - visible.top
@@ -263,9 +249,8 @@ class NativeFile:
                 yield first - visible.top, self._linearise(seen)
             top = bottom
         if digest is not None and not digest.matches():
-            raise files.INCOMPLETE_IMAGE.refuse(
-                "The file's own digest of its raw image is not that of its pixels."
-            )
+            message = "The file's own digest of its raw image is not that of its pixels."
+            raise files.INCOMPLETE_IMAGE.refuse(message)
 
     def vouch(self) -> tuple[proof.Voucher, tuple[proof.PieceRun, ...]]:
         """Return what proves the samples whole, after all bands have been read."""
@@ -276,14 +261,8 @@ class NativeFile:
         took = [self._consumed.get(index, stored[index]) for index in range(len(stored))]
         across = layout.segment_cols * layout.samples
         runs: list[proof.PieceRun] = []
-        for (one, used, samples), group in itertools.groupby(
-            zip(
-                stored,
-                took,
-                (layout.rows_in(index // layout.across) * across for index in range(len(stored))),
-                strict=True,
-            )
-        ):
+        held = (layout.rows_in(index // layout.across) * across for index in range(len(stored)))
+        for (one, used, samples), group in itertools.groupby(zip(stored, took, held, strict=True)):
             count = sum(1 for _ in group)
             runs.append(proof.PieceRun(pieces=count, stored_bytes=one, consumed_bytes=used, samples=samples))
             if len(runs) == _MOST_RUNS:

@@ -45,7 +45,7 @@ def describe_band(packet: Packet, *, sensor_bits: int) -> dict[str, Any]:
     """The fields that all makers write alike; ``sensor_bits`` are at the upper end of sixteen."""
     xmp, band = packet.xmp, name_band(packet.band_name)
     wavelength_nm, width_nm = xmp.number("camera:CentralWavelength"), xmp.number("camera:WavelengthFWHM")
-    unused = _CONTAINER_BITS - sensor_bits
+    full_dn = float(((1 << sensor_bits) - 1) << (_CONTAINER_BITS - sensor_bits))
     return {
         "band": band,
         "band_name": packet.band_name,
@@ -53,9 +53,7 @@ def describe_band(packet: Packet, *, sensor_bits: int) -> dict[str, Any]:
         "width_nm": width_nm,
         "kind": classify_band(band, wavelength_nm=wavelength_nm, width_nm=width_nm),
         "rig_camera_index": xmp.index("camera:RigCameraIndex"),
-        "full_scale_dn": float(((1 << sensor_bits) - 1) << unused)
-        if packet.bits == _CONTAINER_BITS
-        else None,
+        "full_scale_dn": full_dn if packet.bits == _CONTAINER_BITS else None,
     }
 
 
@@ -73,10 +71,8 @@ def read_polynomial(xmp: metadata.Xmp) -> tuple[VignettingPolynomial | None, str
     if len(whole) != len(powers):
         return None, f"VignettingPolynomial2DName has exponents that are not whole from 0 to {_HIGHEST_POWER}"
     if len(powers) != 2 * len(coefficients):
-        return (
-            None,
-            f"VignettingPolynomial2DName has {len(powers)} exponents for {len(coefficients)} coefficients",
-        )
+        counts = f"{len(powers)} exponents for {len(coefficients)} coefficients"
+        return None, f"VignettingPolynomial2DName has {counts}"
     pairs = tuple(zip(whole[::2], whole[1::2], strict=True))
     return VignettingPolynomial(exponents=pairs, coefficients=coefficients), ""
 

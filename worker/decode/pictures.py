@@ -52,9 +52,8 @@ def _read_jpeg(buffer: bytes) -> Claims:
         if marker in _FRAMES:
             frame = frame or _read_jpeg_frame(body)
         elif marker in _OTHER_FRAMES:
-            raise files.UNSUPPORTED_COMPRESSION.refuse(
-                "The JPEG is lossless or arithmetically coded: not read."
-            )
+            message = "The JPEG is lossless or arithmetically coded: not read."
+            raise files.UNSUPPORTED_COMPRESSION.refuse(message)
         elif marker == _EXIF and body.startswith(_EXIF_HEAD):
             exif = exif or body[len(_EXIF_HEAD) :]
         elif marker == _START_OF_SCAN:
@@ -99,9 +98,8 @@ def _read_jpeg_frame(body: bytes) -> tuple[int, int, int]:
         raise files.SIZE_MISMATCH.refuse("The JPEG does not state its size.")
     bits, height, width, samples = struct.unpack(">BHHB", body[:6])
     if bits != 8 or samples not in (1, 3):
-        raise files.UNSUPPORTED_LAYOUT.refuse(
-            f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read."
-        )
+        message = f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read."
+        raise files.UNSUPPORTED_LAYOUT.refuse(message)
     return height, width, samples
 
 

@@ -265,8 +265,7 @@ _BUSY_SHARE: Final = 0.25
 _T = TypeVar("_T")
 _Identity = tuple[int, int, int, int]
 
-Readable = Path | StoredFile
-"""A file to decode: a stored one is proven where it is read, any other is taken as it is."""
+Readable = Path | StoredFile  # a stored file is proven where it is read, any other is taken as it is
 
 
 class _Ended(Exception):  # noqa: N818  it says what happened
@@ -375,9 +374,7 @@ class DecoderPool:
 
 class _Decoder:
     def __init__(self, nursery: Nursery, bounds: DecoderLimits, file: Readable) -> None:
-        self._nursery = nursery
-        self._bounds = bounds
-        self._file = file
+        self._nursery, self._bounds, self._file = nursery, bounds, file
         self._cell: Cell | None = None
         self._wall_s = bounds.wall_seconds
         self._identity: _Identity | None = None
@@ -425,9 +422,8 @@ class _Decoder:
         try:
             cell = self._deliver(request)
             deadline = time.monotonic() + self._wall_s
-            answer, body = messages.receive(
-                cell.talk.fileno(), deadline=deadline, max_body_bytes=max_body_bytes
-            )
+            talk = cell.talk.fileno()
+            answer, body = messages.receive(talk, deadline=deadline, max_body_bytes=max_body_bytes)
         except TimeoutError:
             raise self._end_late(stage) from None
         except (messages.BrokenMessageError, OSError) as error:
@@ -491,9 +487,8 @@ class _Decoder:
             return DecoderUnavailable("A decoding process could not shut itself in as the first one did.")
         if code < 0:
             ended = signal.Signals(-code)
-            return (DecoderCrashed if ended in _OWN_SIGNALS else DecoderKilled)(
-                stage, f"ended by {ended.name}"
-            )
+            kind = DecoderCrashed if ended in _OWN_SIGNALS else DecoderKilled
+            return kind(stage, f"ended by {ended.name}")
         return DecoderCrashed(stage, fallback)
 
     def _kill(self) -> None:

@@ -231,8 +231,7 @@ class Reader:
     """Reads one file, which is opened and parsed when it is first asked for."""
 
     def __init__(self, source: tiff.Source, allow: limits.Allow = limits.allow_all) -> None:
-        self._source = source
-        self._allow = allow
+        self._source, self._allow = source, allow
         self._opened: OpenedFile | None = None
 
     def read_header(self) -> FrameHeader:

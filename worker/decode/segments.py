@@ -63,9 +63,8 @@ def expand(data: bytes, compression: int, *, wanted: int, most: int) -> tuple[ND
         else:
             plain, took = bytes(imagecodecs.packbits_decode(data, out=most + 1)), len(data)
     except (zlib.error, RuntimeError, ValueError) as error:
-        raise files.INCOMPLETE_IMAGE.refuse(
-            "A piece of the image cannot be decompressed to its end."
-        ) from error
+        message = "A piece of the image cannot be decompressed to its end."
+        raise files.INCOMPLETE_IMAGE.refuse(message) from error
     if len(plain) < wanted:
         raise files.TRUNCATED.refuse("A piece of the compressed image ends early.")
     if len(plain) > most:
@@ -96,23 +95,16 @@ def _require_lzw_end(data: bytes) -> None:
     raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end with its end code.")
 
 
-COMPRESSIONS = {
-    tags.UNCOMPRESSED: "none",
-    tags.JPEG: "ljpeg",
-    tags.DEFLATE: "deflate",
-    tags.DEFLATE_OLD: "deflate",
-    tags.LZW: "lzw",
-    tags.PACKBITS: "packbits",
+_KINDS: Final[dict[int, tuple[str, Voucher]]] = {
+    tags.UNCOMPRESSED: ("none", "length"),
+    tags.JPEG: ("ljpeg", "end"),
+    tags.DEFLATE: ("deflate", "checksum"),
+    tags.DEFLATE_OLD: ("deflate", "checksum"),
+    tags.LZW: ("lzw", "end"),
+    tags.PACKBITS: ("packbits", "end"),
 }
-
-VOUCHERS: Final[dict[int, Voucher]] = {
-    tags.UNCOMPRESSED: "length",
-    tags.JPEG: "end",
-    tags.DEFLATE: "checksum",
-    tags.DEFLATE_OLD: "checksum",
-    tags.LZW: "end",
-    tags.PACKBITS: "end",
-}
+COMPRESSIONS = {compression: name for compression, (name, _) in _KINDS.items()}
+VOUCHERS: Final = {compression: voucher for compression, (_, voucher) in _KINDS.items()}
 
 
 def read_samples(
@@ -177,13 +169,9 @@ def _read_compressed(source: tiff.Source, layout: Layout, part: _Part) -> tuple[
     if layout.compression == tags.JPEG:
         samples, took = ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2])
         return samples.reshape(shape)[rows, cols], took
-    expanded, took = expand(
-        data,
-        layout.compression,
-        wanted=stored_rows * layout.row_bytes,
-        # a writer may store the last strip whole
-        most=layout.segment_rows * layout.row_bytes,
-    )
+    # a writer may store the last strip whole
+    wanted, most = stored_rows * layout.row_bytes, layout.segment_rows * layout.row_bytes
+    expanded, took = expand(data, layout.compression, wanted=wanted, most=most)
     if layout.predictor == 1:
         return _cut(expanded, layout, stored_rows, rows, cols), took
     everything = _cut(expanded, layout, stored_rows, slice(0, stored_rows), slice(0, layout.segment_cols))

@@ -89,9 +89,7 @@ class Directory:
     """One IFD. Values are read when asked for; what is absent or nonsense reads as nothing."""
 
     def __init__(self, buffer: Buffer, order: str, entries: dict[int, Entry]) -> None:
-        self._buffer = buffer
-        self.order = order
-        self._entries = entries
+        self._buffer, self.order, self._entries = buffer, order, entries
 
     def __contains__(self, tag: int) -> bool:
         return tag in self._entries
@@ -109,9 +107,8 @@ class Directory:
                 f"The file's tag {tag} claims {entry.size} bytes, far more than is sane."
             )
         if entry.offset + entry.size > len(self._buffer):
-            raise files.TRUNCATED.refuse(
-                f"The file ends before the data that its tag {tag} points to: it was cut short."
-            )
+            message = f"The file ends before the data that its tag {tag} points to: it was cut short."
+            raise files.TRUNCATED.refuse(message)
         return self._buffer[entry.offset : entry.offset + entry.size]
 
     def numbers(self, tag: int, *, at_most: int) -> list[float | None]:

@@ -213,9 +213,7 @@ def load_late_imports() -> None:
 
 
 def _parse_arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="worker.decode", description="Decode raw files for a parent process."
-    )
+    parser = argparse.ArgumentParser(prog="worker.decode", description="Decode files for a parent process.")
     parser.add_argument("--parent", type=int, required=True, help="the process to die with")
     parser.add_argument("--memory-bytes", type=int, required=True)
     parser.add_argument("--cpu-seconds", type=int, required=True)
@@ -238,10 +236,7 @@ def _try_sandbox(restrictions: Restrictions) -> Sandbox:
 
 class _Zygote:
     def __init__(self, control: socket.socket, parent: int, prepared: Prepared, sandbox: Sandbox) -> None:
-        self._control = control
-        self._parent = parent
-        self._prepared = prepared
-        self._sandbox = sandbox
+        self._control, self._parent, self._prepared, self._sandbox = control, parent, prepared, sandbox
         self._own_pid = os.getpid()
         self._pids: dict[int, int] = {}  # by the descriptor of each cell's line
         self._lines: dict[int, socket.socket] = {}  # to the one who ordered it, by the cell's pid

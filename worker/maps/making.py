@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
@@ -23,9 +22,8 @@ _AHEAD = 2
 def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
     """First row and height of each strip: whole bands of the file's tiles, so that none is decoded twice."""
     bands = max(1, round(_STRIP_PX / (header.width_px * header.band_rows)))
-    ends = range(
-        header.first_band_rows + (bands - 1) * header.band_rows, header.height_px, bands * header.band_rows
-    )
+    step = bands * header.band_rows
+    ends = range(header.first_band_rows + step - header.band_rows, header.height_px, step)
     edges = [0, *ends, header.height_px]
     return [(top, bottom - top) for top, bottom in itertools.pairwise(edges)]
 
@@ -34,8 +32,7 @@ class StripReader:
     """Reader of rows from the top downwards; one process reads the next two strips meanwhile."""
 
     def __init__(self, decoders: DecoderPool, file: Readable, header: FrameHeader) -> None:
-        self._decoders = decoders
-        self._file = file
+        self._decoders, self._file = decoders, file
         self._width = header.width_px
         self._ahead = ThreadPoolExecutor(1, thread_name_prefix="strips")
         self._left = iter(cut_strips(header))
@@ -47,9 +44,7 @@ class StripReader:
             self._fetch()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._ahead.shutdown(cancel_futures=True)
 
     def rows(self, first: int, last: int) -> Frame:

@@ -91,8 +91,7 @@ class Reduction:
         self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
         self._sums = np.zeros(self.shape, np.float64)
         self._counts = counts
-        self.odd = np.zeros(3, np.int64)
-        """Pixels below 0, above 1 and unknown."""
+        self.odd = np.zeros(3, np.int64)  # pixels below 0, above 1 and unknown
 
     def reduce(self, band: Plane, *, top: int) -> Part:
         """A band's own part; changes nothing, so that several threads may do it."""
@@ -201,7 +200,7 @@ def draw_picture(means: NDArray[np.float64], caption: str, style: Style = LUMINA
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(_FONT_PX)
     draw.text((width + _MARGIN_PX, _FONT_PX), style.unit, fill=_INK, font=font)
-    _draw_bar(image, draw, font, scale, left=width + _MARGIN_PX, height=tall, table=table)
+    _draw_bar(image, scale, left=width + _MARGIN_PX, height=tall, table=table)
     note = f"{caption}{'; blue: {style.unknown}' if unknown.any() else ''}"
     draw.text((_MARGIN_PX, tall + _FONT_PX), note, fill=_INK, font=font)
     out = io.BytesIO()
@@ -209,16 +208,8 @@ def draw_picture(means: NDArray[np.float64], caption: str, style: Style = LUMINA
     return out.getvalue()
 
 
-def _draw_bar(
-    image: Image.Image,
-    draw: ImageDraw.ImageDraw,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
-    scale: Scale,
-    *,
-    left: int,
-    height: int,
-    table: NDArray[np.uint8],
-) -> None:
+def _draw_bar(image: Image.Image, scale: Scale, *, left: int, height: int, table: Table) -> None:
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(_FONT_PX)
     top, bottom = 3 * _FONT_PX, height - _FONT_PX
     rows = np.arange(bottom - top)
     shown = table[(COLOURS - 1) - rows * COLOURS // len(rows)]

@@ -79,12 +79,8 @@ def _focal_plane(header: FrameHeader) -> list[Entry]:
         # rho = p1 2 angle / pi times C near the axis
         focal_px = 2.0 / math.pi * lens.fisheye_affine[0] * lens.fisheye_polynomial[1]
     focal = [_rational(tags.FOCAL_LENGTH, focal_px / x)] if focal_px and focal_px > 0.0 else []
-    return [
-        *focal,
-        _rational(tags.FOCAL_PLANE_X_RESOLUTION, x),
-        _rational(tags.FOCAL_PLANE_Y_RESOLUTION, y),
-        unit,
-    ]
+    across = _rational(tags.FOCAL_PLANE_X_RESOLUTION, x), _rational(tags.FOCAL_PLANE_Y_RESOLUTION, y)
+    return [*focal, *across, unit]
 
 
 def _gps_entries(latitude_deg: float, longitude_deg: float, altitude_m: float | None) -> list[Entry]:
@@ -134,11 +130,9 @@ def _text(tag: int, text: str) -> Entry:
 
 def _iso(iso: float) -> Entry:
     number = round(iso)
-    return (
-        (tags.ISO_RATINGS, _SHORT, 1, struct.pack("<H", number))
-        if number < _WHOLE
-        else (tags.RECOMMENDED_EXPOSURE_INDEX, _LONG, 1, struct.pack("<I", number))
-    )
+    if number < _WHOLE:
+        return tags.ISO_RATINGS, _SHORT, 1, struct.pack("<H", number)
+    return tags.RECOMMENDED_EXPOSURE_INDEX, _LONG, 1, struct.pack("<I", number)
 
 
 def _rational(tag: int, value: float) -> Entry:
@@ -161,16 +155,13 @@ def _ratio(value: float) -> tuple[int, int]:
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
 LEVEL: Final = 1
-_WINDOW_BITS: Final = 10
-"""Of deflate: it looks for repetitions in 1 KiB, a row of a tile; noise has none further up."""
+_WINDOW_BITS: Final = 10  # of deflate: it looks for repetitions in 1 KiB, a row of a tile; noise has no more
 _FLOATING_POINT: Final = 3
-_LINE_BYTES: Final = 64
-"""Where planes begin: `cv2.split` writes planes that begin elsewhere a sixth as fast."""
+_LINE_BYTES: Final = 64  # where planes begin: `cv2.split` writes planes that begin elsewhere a sixth as fast
 _BUFFER_BYTES: Final = 1 << 20
 
 _KEPT_BITS, _ALL_BITS = 12, 23
-ROUNDING_REL: Final = 2.0 ** -(_KEPT_BITS + 1)
-"""Largest relative difference between a pixel of a file and the value that was computed."""
+ROUNDING_REL: Final = 2.0 ** -(_KEPT_BITS + 1)  # largest relative rounding of a file's pixel
 
 _HALF: Final = np.uint32(1 << (_ALL_BITS - _KEPT_BITS - 1))
 _MASK: Final = ~np.uint32(2 * _HALF - 1)
@@ -300,10 +291,8 @@ def _describe_layers(facts: MapFacts) -> bytes:
     items = [item(name, value) for name, value in facts.description.items()]
     for sample, layer in enumerate(facts.layers):
         at = ("sample", sample)
-        items.append(item("DESCRIPTION", layer.name, at, ("role", "description")))
-        items.append(item("UNITTYPE", layer.unit, at, ("role", "unittype")))
-        items.append(item("SCALE", 1, at, ("role", "scale")))
-        items.append(item("OFFSET", 0, at, ("role", "offset")))
+        told = {"DESCRIPTION": layer.name, "UNITTYPE": layer.unit, "SCALE": 1, "OFFSET": 0}
+        items += [item(name, value, at, ("role", name.lower())) for name, value in told.items()]
         items += [item(name, value, at) for name, value in layer.said.items()]
     return f"<GDALMetadata>{''.join(items)}</GDALMetadata>".encode("ascii", "xmlcharrefreplace")
 

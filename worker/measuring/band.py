@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,19 +22,12 @@ from worker.measuring.task import Task
 
 def measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], record.Products | None]:
     """Return the result as it is stored, and the map if one was asked for."""
-    pixels = _read_region(task)
+    pixels, region = _read_region(task), _region(task)
     if _is_radiance(task, application):
-        measured = application.measure_radiance(
-            pixels, _region(task), header=task.header, exposure=task.exposure
-        )
+        measured = application.measure_radiance(pixels, region, header=task.header, exposure=task.exposure)
     else:
         measured = application.measure_region(
-            pixels,
-            _region(task),
-            header=task.header,
-            exposure=task.exposure,
-            coefficients=read_applied(task.calibration),
-            incidence_angle_deg=read_angle(task),
+            pixels, region, header=task.header, exposure=task.exposure, **_fitted(task)
         )
     task.report(0.1)
     result: dict[str, Any] = encode(measured) | {"place": tell_place(task, application)}
@@ -49,6 +43,10 @@ def read_angle(task: Task) -> float | None:
     """Return the angle that the measurement states; None for that of the fit."""
     stated = task.parameters.get("incidence_angle_deg")
     return None if stated is None else float(stated)
+
+
+def _fitted(task: Task) -> dict[str, Any]:
+    return {"coefficients": read_applied(task.calibration), "incidence_angle_deg": read_angle(task)}
 
 
 def find_place(task: Task, application: BandApplication) -> Place:
@@ -82,16 +80,12 @@ def _find_factor(task: Task, application: BandApplication) -> float:
     if _is_radiance(task, application):
         application.require_radiance(task.header)
         return 1.0
-    scale = application.find_scale_of_frame(
-        task.header, coefficients=read_applied(task.calibration), incidence_angle_deg=read_angle(task)
-    )
-    return float(scale.factor)
+    return float(application.find_scale_of_frame(task.header, **_fitted(task)).factor)
 
 
 def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Products]:
     header, exposure, factor = task.header, task.exposure, _find_factor(task, application)
-    radiance, band = _is_radiance(task, application), header.multispectral
-    assert band is not None  # noqa: S101  the plan refused files without one
+    radiance, band = _is_radiance(task, application), task.band
     unit = application.radiance_unit if radiance else application.unit
     facts = MapFacts(
         header=header,
@@ -109,15 +103,10 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Pr
             ),
         ),
     )
-
-    def compute(frame: Frame) -> Plane:
-        made: Plane = application.scale_pixels(frame, header=header, exposure=exposure, factor=factor)
-        return made
-
     subject = Subject(
         file=task.file,
         header=header,
-        compute=compute,
+        compute=partial(application.scale_pixels, header=header, exposure=exposure, factor=factor),
         counts=True,
         report=lambda share: task.report(0.1 + 0.9 * share),
     )
@@ -129,20 +118,13 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Pr
 
 def describe(task: Task, application: BandApplication, **more: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return what ImageDescription says of a map of a band, or of an index on its pixels."""
-    band = task.header.multispectral
-    assert band is not None  # noqa: S101  the plan refused files without one
+    band = task.band
     known = {"wavelength_nm": band.wavelength_nm, "width_nm": band.width_nm, "capture_id": band.capture_id}
     if (angle_deg := read_angle(task)) is None:
         angle_deg = read_applied(task.calibration)[0].incidence_angle_deg
     place = tell_place(task, application)
-    return task.describe(
-        **more,
-        saturated="NaN",
-        incidence_angle_deg=angle_deg,
-        place=place,
-        band=band.band_name,
-        **drop_absent(known),
-    )
+    more |= {"saturated": "NaN", "incidence_angle_deg": angle_deg, "place": place}
+    return task.describe(**more, band=band.band_name, **drop_absent(known))
 
 
 def draw_planes(
@@ -151,7 +133,7 @@ def draw_planes(
     planes: Sequence[Plane],
     layers: Sequence[Layer],
     style: Style,
-    description: dict[str, Any],
+    said: dict[str, Any],
     *,
     packet: bytes,
     counts: bool = False,
@@ -160,7 +142,7 @@ def draw_planes(
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
-        description=description,
+        description=describe(task, application, **said),
         packet=packet,
         layers=tuple(layers),
         place=find_place(task, application),
@@ -171,15 +153,9 @@ def draw_planes(
 
 
 def apply_version(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  the method's own
-    features = application.extract_features(
-        _read_region(task), _region(task), header=task.header, exposure=task.exposure
-    )
-    return application.apply(
-        features,
-        header=task.header,
-        coefficients=read_applied(task.calibration),
-        incidence_angle_deg=read_angle(task),
-    )
+    pixels, region = _read_region(task), _region(task)
+    features = application.extract_features(pixels, region, header=task.header, exposure=task.exposure)
+    return application.apply(features, header=task.header, **_fitted(task))
 
 
 def read_plane(task: Task, application: BandApplication) -> Plane:
@@ -210,12 +186,12 @@ class Capture:
 def open_capture(task: Task, application: BandApplication) -> Iterator[Capture]:
     """Read the bands that the plan names whole, and align them onto the task's own."""
     with ExitStack() as stack:
-        tasks = {_name(task): task}
+        tasks = {task.band.band: task}
         for named in plan.list_others(task.parameters):
             row, file = stack.enter_context(task.lend(named["frame_id"]))
             stack.enter_context(task.decoders.hold(file))
             other = replace(task, frame=row, file=file)
-            tasks[_name(other)] = other
+            tasks[other.band.band] = other
         whole = {}
         for number, (band, each) in enumerate(tasks.items(), start=1):
             plane = read_plane(each, application)
@@ -228,11 +204,6 @@ def open_capture(task: Task, application: BandApplication) -> Iterator[Capture]:
         yield Capture(
             tasks=tasks, planes=planes, alignment=tuple(found.alignment for found in aligned.values())
         )
-
-
-def _name(task: Task) -> str:
-    assert task.header.multispectral is not None  # noqa: S101  the plan refused files without one
-    return task.header.multispectral.band
 
 
 def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], record.Products | None]:
@@ -258,7 +229,7 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
         if not task.parameters["products"]:
             return result, None
         found = application.compute_index(formula, capture.planes)
-        said = {"quantity": formula.name, "formula": formula.text, "unit": "1"}
+        said: dict[str, Any] = {"quantity": formula.name, "formula": formula.text, "unit": "1"}
         layers = [Layer(name=formula.name, unit="1", said={"formula": formula.text})]
         planes = [found.values]
         if task.wants_bands:
@@ -269,23 +240,12 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
             planes += [u, *capture.planes.values()]
     named = formula.name.upper() if formula.name != formula.text else "index"
     style = Style(unit=named, unknown="none", ends=_INDEX_ENDS)
-    uncertainty = {
-        "uncertainty": {
-            "region_mean": encode(measured.value),
-            "budget": {share.source: share.standard_uncertainty for share in measured.budget},
-        }
-    }
-    said |= uncertainty | _describe_capture(capture)
+    budget = {share.source: share.standard_uncertainty for share in measured.budget}
+    said["uncertainty"] = {"region_mean": encode(measured.value), "budget": budget}
+    said |= _describe_capture(capture)
     # of several bands: without them no band's name is the map's
-    _, products = draw_planes(
-        task,
-        application,
-        planes,
-        layers,
-        style,
-        describe(task, application, **said),
-        packet=_write_packet(capture) if task.wants_bands else write_packet(task.header),
-    )
+    packet = _write_packet(capture) if task.wants_bands else write_packet(task.header)
+    _, products = draw_planes(task, application, planes, layers, style, said, packet=packet)
     return result | {"map": {"pixels": int(found.values.size), "undefined": found.undefined}}, products
 
 
@@ -299,15 +259,9 @@ def write_bands(
         quantity = task.parameters.get("quantity", application.quantity)
         said = {"quantity": quantity, "unit": layers[0].unit} | _describe_capture(capture)
         style = REFLECTANCE if quantity == application.quantity else Style(unit=layers[0].unit)
+        packet = _write_packet(capture)
         made, products = draw_planes(
-            task,
-            application,
-            planes,
-            layers,
-            style,
-            describe(task, application, **said),
-            packet=_write_packet(capture),
-            counts=True,
+            task, application, planes, layers, style, said, packet=packet, counts=True
         )
     counts = {"pixels": int(planes[0].size), "below_zero": made.below_zero, "above_one": made.above_one}
     return {
@@ -340,17 +294,13 @@ def _list_layers(capture: Capture, application: BandApplication) -> list[Layer]:
     layers = []
     left = {each.band: each for each in capture.alignment}
     for band, task in capture.tasks.items():
-        found = task.header.multispectral
-        assert found is not None  # noqa: S101  the plan refused files without one
-        radiance = _is_radiance(task, application)
+        found, radiance = task.band, _is_radiance(task, application)
         said: dict[str, Any] = {"band": band, "frame_sha256": task.frame.sha256}
         said |= drop_absent({"wavelength_nm": found.wavelength_nm, "width_nm": found.width_nm})
         if band in left:
             said |= {"alignment": left[band].by, "alignment_residual_px": round(left[band].residual_px, 3)}
         if not radiance:
-            scale = application.find_scale_of_frame(
-                task.header, coefficients=read_applied(task.calibration), incidence_angle_deg=read_angle(task)
-            )
+            scale = application.find_scale_of_frame(task.header, **_fitted(task))
             said |= {"reflectance_k": scale.reflectance_k, "u_rel": round(scale.u_rel, 6)}
         unit = application.radiance_unit if radiance else application.unit
         layers.append(Layer(name=found.band_name, unit=unit, said=said))

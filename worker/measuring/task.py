@@ -10,6 +10,7 @@ from typing import Any
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import Multispectral
 from store import codec, software
 from store.blobs import Blobs
 from store.measuring.record import Products
@@ -38,6 +39,11 @@ class Task:
     def header(self) -> FrameHeader:
         """The file's header, with the zone that the plan states for its clock."""
         return read_header(self.frame, self.parameters.get("time_zone"))
+
+    @property
+    def band(self) -> Multispectral:
+        assert self.header.multispectral is not None  # noqa: S101  the plan refused files without one
+        return self.header.multispectral
 
     @property
     def exposure(self) -> Exposure:

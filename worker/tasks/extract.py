@@ -115,14 +115,10 @@ class _Subject:
     frame: FrameRow
     campaign: Campaign
     camera: Camera
-    roi: Roi | None
-    """The region that holds; None where nobody has drawn one and none has been computed."""
-    done: bool
-    """Whether it has been computed."""
-    has_preview: bool
-    """Whether a preview is stored, and not known to be damaged."""
-    equal: "_Extracted | None"
-    """What was computed of the same bytes in the same region for another campaign."""
+    roi: Roi | None  # the region that holds; None where nobody has drawn one and none has been computed
+    done: bool  # whether it has been computed
+    has_preview: bool  # whether a preview is stored, and not known to be damaged
+    equal: "_Extracted | None"  # what was computed of the same bytes in the same region for another campaign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,17 +131,13 @@ class _Extracted:
 class _Found:
     header: FrameHeader
     acceptance: Acceptance
-    flags: tuple[str, ...]
-    """Of the frame's acceptance, and what the method finds in its metadata."""
-    preview: _Preview | None
-    """With its reduction; None where one is stored already."""
+    flags: tuple[str, ...]  # of the frame's acceptance, and what the method finds in its metadata
+    preview: _Preview | None  # with its reduction; None where one is stored already
     proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
-    panel: FoundRegion | None
-    """Found in the frame: its region counts where nobody has drawn one, its serial number always."""
-    siblings: int
-    """Bands of the capture that were asked where the panel is."""
+    panel: FoundRegion | None  # its region counts where nobody has drawn one, its serial number always
+    siblings: int  # bands of the capture that were asked where the panel is
 
 
 def extract(context: Context, claim: jobs.Claim) -> Outcome:
@@ -191,9 +183,8 @@ def _read(context: Context, claim: jobs.Claim, subject: _Subject, file: blobs.St
         # of a band more is read now than when its frame was first read, which may be years ago
         header = context.decoders.read_header(file)
     if header.table is not None and room.features is not None:
-        raise shared.PIXELS_MISSING.refuse(
-            f"{room.label} needs the pixels of a frame, and this is a row of a table."
-        )
+        message = f"{room.label} needs the pixels of a frame, and this is a row of a table."
+        raise shared.PIXELS_MISSING.refuse(message)
     acceptance = accept_frame(
         header,
         role=frame.role,
@@ -266,7 +257,7 @@ def _measure(
     window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
     pixels = context.decoders.read_window(file, (window.row0, window.col0, window.height, window.width))
     target = subject.campaign.target
-    extracted = methods.get_method(subject.campaign.method).extract(
+    extracted = room.extract(
         pixels,
         regions,
         header=header,
@@ -281,12 +272,10 @@ def _measure(
 
 def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) -> list[Region]:
     if roi is None:
-        if panel is not None and panel.region is not None:
-            return [Region(name="", polygon=panel.region)]
-        return [Region(name="", polygon=frames.whole_frame(header.width_px, header.height_px))]
-    if roi.parts is None:
-        return [Region(name="", polygon=Polygon.from_points(roi.points))]
-    return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
+        shown = panel.region if panel is not None else None
+        return [Region(name="", polygon=shown or frames.whole_frame(header.width_px, header.height_px))]
+    parts = roi.parts or [{"name": "", "points": roi.points}]
+    return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in parts]
 
 
 def _inspect(context: Context, subject: _Subject, file: blobs.StoredFile) -> tuple[_Preview | None, Proof]:
@@ -316,9 +305,8 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         _store_extraction(session, subject, frame, roi, found.extracted)
     now = frames.current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
-    extraction = None
-    if now is not None:
-        extraction = frames.find_extraction(session, frame, now, frames.extractor_of(campaign))
+    extractor = frames.extractor_of(campaign)
+    extraction = frames.find_extraction(session, frame, now, extractor) if now is not None else None
     frame.state = "read" if extraction is None else "extracted"
     if extraction is not None and extraction.features is not None:
         room = methods.get_method(campaign.method)
@@ -375,10 +363,8 @@ def _store_acceptance(frame: FrameRow, found: _Found) -> None:
 def _refuse(frame_id: str, refusal: InputRejected) -> Outcome:
     def store(session: Session) -> dict[str, Any]:
         frame = session.get_one(FrameRow, frame_id)
-        frame.state = "refused"
-        frame.refusal_code = str(refusal.code)
-        frame.refusal_detail = refusal.message
-        frame.exposure = None
+        frame.state, frame.exposure = "refused", None
+        frame.refusal_code, frame.refusal_detail = str(refusal.code), refusal.message
         return {"frame_id": frame_id}
 
     return Outcome(store=store, rejection=refusal)

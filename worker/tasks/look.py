@@ -39,8 +39,7 @@ def look(context: Context, claim: jobs.Claim) -> Outcome:
 
 _GAMMA: Final = 1 / 2.2
 _PERCENTILES: Final = (0.1, 99.9)
-_GREYS: Final = 255
-"""Grey levels; the colour of clipped pixels is behind the last of them."""
+_GREYS: Final = 255  # grey levels; the colour of clipped pixels is behind the last of them
 _CLIPPED: Final = (230, 30, 45)
 
 
@@ -61,23 +60,14 @@ def crop(context: Context, claim: jobs.Claim) -> Outcome:
     png = _draw(pixels, clipped, low_dn, high_dn, linear=not (frame.header or {}).get("rendered"))
 
     def store(session: Session) -> dict[str, Any]:
-        drawn = Crop(
-            id=new_id("crp"),
-            organisation_id=claim.organisation_id,
-            frame_id=frame.id,
-            asked=asked,
-            job_id=claim.job_id,
-            png=png,
-        )
+        of = {"organisation_id": claim.organisation_id, "frame_id": frame.id, "job_id": claim.job_id}
+        drawn = Crop(id=new_id("crp"), asked=asked, png=png, **of)
         keep_crop(session, drawn)
-        return {
+        where = {"row0_px": row0, "col0_px": col0, "height_px": height, "width_px": width}
+        return where | {
             "frame_id": frame.id,
             "crop_id": drawn.id,
             "picture": f"/v1/crops/{drawn.id}.png",
-            "row0_px": row0,
-            "col0_px": col0,
-            "height_px": height,
-            "width_px": width,
             "low_dn": low_dn,
             "high_dn": high_dn,
             "clipped_px": int(clipped.sum()),

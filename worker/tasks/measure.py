@@ -31,11 +31,10 @@ def measure(context: Context, claim: jobs.Claim) -> Outcome:
         measured, products = measure_frame(make_task(context, claim, frame, calibration, file))
 
     def store(session: Session) -> dict[str, Any]:
-        return _links(
-            record.write_measurement(
-                session, frame, calibration, claim.parameters, measured, products, by=claim.created_by
-            )
+        made = record.write_measurement(
+            session, frame, calibration, claim.parameters, measured, products, by=claim.created_by
         )
+        return _links(made)
 
     return Outcome(store=store)
 

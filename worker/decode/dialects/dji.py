@@ -21,21 +21,15 @@ def knows(packet: Packet) -> bool:
 
 def read(packet: Packet) -> multispectral.Multispectral:
     xmp = packet.xmp
-    stated = [
-        xmp.require(f"drone-dji:{name}", 1)
-        for name in (
-            *("SensorGain", "ExposureTime", "SensorGainAdjustment"),
-            *("CalibratedOpticalCenterX", "CalibratedOpticalCenterY"),
-        )
-    ]
+    needed = ("SensorGain", "ExposureTime", "SensorGainAdjustment", "CalibratedOpticalCenterX")
+    stated = [xmp.require(f"drone-dji:{name}", 1) for name in (*needed, "CalibratedOpticalCenterY")]
     terms, no_terms = xmp.require("drone-dji:VignettingData")
     values, problems = [value[0] if value else 0.0 for value, _ in stated], [each for _, each in stated]
     gain, time_us, adjustment, x_px, y_px = values
     black_dn = xmp.first_number("drone-dji:BlackLevel", "drone-dji:BlackCurrent", "camera:BlackCurrent")
     irradiance = _read_irradiance(xmp)
-    serials = [
-        xmp.text(f"drone-dji:{name}") for name in ("DroneID", "DroneSerialNumber", "CameraSerialNumber")
-    ]
+    names = ("DroneID", "DroneSerialNumber", "CameraSerialNumber")
+    serials = [xmp.text(f"drone-dji:{name}") for name in names]
     return multispectral.Multispectral(
         system="dji",
         **describe_band(packet, sensor_bits=_SENSOR_BITS),
@@ -111,10 +105,8 @@ def _read_geometry(packet: Packet, x_px: float, y_px: float) -> multispectral.Ri
     if len(lens) != _DEWARP_NUMBERS or not all(map(math.isfinite, lens)):
         return read_geometry(packet, reference=False)
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = lens
-    focal_px, focal_mm = (
-        xmp.number("drone-dji:CalibratedFocalLength"),
-        xmp.number("camera:PerspectiveFocalLength"),
-    )
+    focal_px = xmp.number("drone-dji:CalibratedFocalLength")
+    focal_mm = xmp.number("camera:PerspectiveFocalLength")
     per_mm = focal_px / focal_mm if focal_px and focal_mm else None
     return multispectral.RigGeometry(
         model="perspective",

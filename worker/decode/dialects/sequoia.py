@@ -11,15 +11,8 @@ from typing import Final
 
 from radiometry.findings import InputRejected
 from radiometry.frame import multispectral
+from worker.decode import packet as packets
 from worker.decode import tags, tiff
-from worker.decode.packet import (
-    Packet,
-    describe_band,
-    first_problem,
-    read_geometry,
-    read_polynomial,
-    read_text,
-)
 
 # time [us], CH0, CH1, [gain index, integration [ms],] yaw, pitch[, roll]: newest firmware first.
 _LAYOUTS: Final = (struct.Struct("<QHHHHfff"), struct.Struct("<QHHfff"), struct.Struct("<QHHff"))
@@ -107,14 +100,14 @@ IDENTITIES = ("camera:CaptureUUID", "camera:FlightUUID")
 _SENSOR_BITS = 10
 
 
-def knows(packet: Packet) -> bool:
+def knows(packet: packets.Packet) -> bool:
     return bool(packet.xmp.numbers("camera:SensorModel")) or packet.make.lower() == "parrot"
 
 
-def read(packet: Packet) -> multispectral.Multispectral:
+def read(packet: packets.Packet) -> multispectral.Multispectral:
     xmp = packet.xmp
     model, no_model = xmp.require("camera:SensorModel", 3)
-    lens, no_lens = read_polynomial(xmp)
+    lens, no_lens = packets.read_polynomial(xmp)
     encoded = xmp.whole("camera:IrradianceList")
     counts: multispectral.SunshineCounts | str
     if encoded is None:
@@ -124,17 +117,17 @@ def read(packet: Packet) -> multispectral.Multispectral:
     capture, flight = IDENTITIES
     return multispectral.Multispectral(
         system="sequoia",
-        **describe_band(packet, sensor_bits=_SENSOR_BITS),
+        **packets.describe_band(packet, sensor_bits=_SENSOR_BITS),
         capture_id=xmp.text(capture),
         flight_id=xmp.text(flight),
         sensor_model=multispectral.SensorModel(a=model[0], b=model[1], c=model[2]) if model else None,
         vignetting_polynomial=lens,
-        problem=first_problem((no_model, no_lens)),
+        problem=packets.first_problem((no_model, no_lens)),
         sunshine_serial=xmp.text("camera:SunshineSerialNumber"),
         sunshine_missing=counts if isinstance(counts, str) else "",
         counts=None if isinstance(counts, str) else counts,
         exposed_at_us=_read_monotonic_time(packet.main),
-        geometry=read_geometry(packet, reference=xmp.index("camera:RigCameraIndex") == 0),
+        geometry=packets.read_geometry(packet, reference=xmp.index("camera:RigCameraIndex") == 0),
     )
 
 
@@ -143,8 +136,8 @@ def _read_monotonic_time(main: tiff.Directory) -> int | None:
     try:
         if (exif := main.directory(tags.EXIF)) is None:
             return None
-        text = read_text(exif, tags.DATE_TIME_DIGITIZED)
-        fraction = read_text(exif, tags.SUB_SEC_TIME_DIGITIZED)
+        text = packets.read_text(exif, tags.DATE_TIME_DIGITIZED)
+        fraction = packets.read_text(exif, tags.SUB_SEC_TIME_DIGITIZED)
         stamp = datetime.strptime(text, "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
     except (InputRejected, ValueError):
         return None
