@@ -39,38 +39,8 @@ from stilb.records import (
 from stilb.resources.organisation import Health
 from stilb.upload import Progress, Upload
 
-__all__ = [
-    "AuditChain",
-    "AuditEntry",
-    "Calibration",
-    "Camera",
-    "Campaign",
-    "Client",
-    "Coefficient",
-    "Comparison",
-    "ExportProgress",
-    "Frame",
-    "Grid",
-    "Health",
-    "Job",
-    "JobFailed",
-    "Key",
-    "KnownFrame",
-    "Measurement",
-    "Meter",
-    "OwnKey",
-    "Panel",
-    "PanelBand",
-    "Polygon",
-    "Problem",
-    "Progress",
-    "Quantity",
-    "Reading",
-    "Reason",
-    "Rig",
-    "Road",
-    "RoadResult",
-    "Session",
-    "Unclear",
-    "Upload",
-]
+__all__ = ["AuditChain", "AuditEntry", "Calibration", "Camera", "Campaign", "Client", "Coefficient"]
+__all__ += ["Comparison", "ExportProgress", "Frame", "Grid", "Health", "Job", "JobFailed", "Key"]
+__all__ += ["KnownFrame", "Measurement", "Meter", "OwnKey", "Panel", "PanelBand", "Polygon", "Problem"]
+__all__ += ["Progress", "Quantity", "Reading", "Reason", "Rig", "Road", "RoadResult", "Session", "Unclear"]
+__all__ += ["Upload"]

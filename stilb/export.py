@@ -73,18 +73,18 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
     total = sum(frame["size_bytes"] for frame in frames)
     done = 0
     for number, frame in enumerate(frames, start=1):
-        _fetch_frame(transport, frame, folder / frame_path(frame))
+        _fetch(
+            transport, address("frames", frame["id"], "content"), folder / frame_path(frame), frame["sha256"]
+        )
         done += frame["size_bytes"]
         if on_progress is not None:
-            on_progress(
-                ExportProgress(
-                    filename=frame["frame"],
-                    files_done=number,
-                    files_total=len(frames),
-                    bytes_done=done,
-                    bytes_total=total,
-                )
-            )
+            counts = {
+                "files_done": number,
+                "files_total": len(frames),
+                "bytes_done": done,
+                "bytes_total": total,
+            }
+            on_progress(ExportProgress(filename=frame["frame"], **counts))
     transport.download(Call(method="GET", path=f"{of_version}/certificate.pdf"), folder / "certificate.pdf")
     status = transport.json(Call(method="GET", path=of_version))
     for issued in status.get("certificates", [])[1:]:
@@ -111,22 +111,17 @@ def export_measurement(transport: Transport, measurement_id: str, folder: Path) 
     content = transport.send(Call(method="GET", path=f"{of_measurement}/{RECORD}")).content
     record = json.loads(content)
     for frame in record["frames"]:
-        named = frame | {"frame": frame["filename"]}
-        _fetch_frame(transport, named, folder / frame_path(named))
-    if "map_sha256" in record and not (
-        (folder / MAP).exists() and hash_file(folder / MAP) == record["map_sha256"]
-    ):
-        call = Call(method="GET", path=f"{of_measurement}/{MAP}")
-        transport.download(call, folder / MAP, sha256=record["map_sha256"])
+        path = folder / frame_path(frame | {"frame": frame["filename"]})
+        _fetch(transport, address("frames", frame["id"], "content"), path, frame["sha256"])
+    if "map_sha256" in record:
+        _fetch(transport, f"{of_measurement}/{MAP}", folder / MAP, record["map_sha256"])
     (folder / RECORD).write_bytes(content)  # last, as the certificate
     return folder
 
 
-def _fetch_frame(transport: Transport, frame: Mapping[str, Any], path: Path) -> None:
-    if path.exists() and hash_file(path) == frame["sha256"]:
-        return
-    call = Call(method="GET", path=address("frames", frame["id"], "content"))
-    transport.download(call, path, sha256=frame["sha256"])
+def _fetch(transport: Transport, source: str, path: Path, sha256: str) -> None:
+    if not path.exists() or hash_file(path) != sha256:
+        transport.download(Call(method="GET", path=source), path, sha256=sha256)
 
 
 def _write_json(path: Path, value: object) -> None:

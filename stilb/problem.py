@@ -93,12 +93,8 @@ def from_transport(error: httpx.TransportError) -> Problem:
     if "WRONG_VERSION" in said:
         said = "it uses http, not https: begin the address with http://"
     passing = isinstance(error, httpx.NetworkError | httpx.TimeoutException | httpx.RemoteProtocolError)
-    return Problem(
-        status=0,
-        code=UNREACHABLE if passing else "not_sent",
-        detail=f"{_asked(error)}{said}",
-        retryable=passing,
-    )
+    code = UNREACHABLE if passing else "not_sent"
+    return Problem(status=0, code=code, detail=f"{_asked(error)}{said}", retryable=passing)
 
 
 def _asked(error: httpx.TransportError) -> str:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from typing import Any, Final, NotRequired, Self, TypedDict, dataclass_transform, overload
 
-DEFAULT_METHOD: Final = "luminance"
-"""Of commands and calls that name none."""
+DEFAULT_METHOD: Final = "luminance"  # of commands and calls that name none
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset(

@@ -35,10 +35,8 @@ _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
 _LOOK_EVERY_S = 1.0
 _PATIENCE_S = 600.0
-_FULL = frozenset({429, 507})
-"""Too much at once, or no room left: the service says when to come back."""
-_AWAY = frozenset({0, 502, 504})
-"""No answer at all, or a gateway's in the service's place."""
+_FULL = frozenset({429, 507})  # too much at once, or no room left: the service says when to come back
+_AWAY = frozenset({0, 502, 504})  # no answer at all, or a gateway's in the service's place
 _KEY = "Idempotency-Key"
 _CHUNK_BYTES = 1 << 20
 
@@ -100,9 +98,7 @@ class Transport:
             timeout=timeout_s,
             headers={"Authorization": f"Bearer {key}", "User-Agent": f"stilb/{read_version()}"},
         )
-        self._timeout_s = timeout_s
-        self.retries = retries
-        self._backoff_s = backoff_s
+        self._timeout_s, self.retries, self._backoff_s = timeout_s, retries, backoff_s
         self._on_retry = on_retry
         self._halted = threading.Event()
 
@@ -186,12 +182,9 @@ class Transport:
         except ValueError:  # a page of somebody else's
             answer = None
         if not isinstance(answer, dict):
-            raise problem.Problem(
-                status=response.status_code,
-                code="unexpected_answer",
-                detail=f"{call.method} {call.path} did not return a JSON object: is this a stilb service?",
-                retryable=False,
-            )
+            detail = f"{call.method} {call.path} did not return a JSON object: is this a stilb service?"
+            status = response.status_code
+            raise problem.Problem(status=status, code="unexpected_answer", detail=detail, retryable=False)
         return answer
 
     def items(
@@ -206,20 +199,15 @@ class Transport:
             page = self.json(Call(method="GET", path=path, query=dict(httpx.URL(page["next"]).params)))
 
     def _once(self, call: Call, headers: Mapping[str, str]) -> httpx.Response:
-        content = self._watched(call.stream()) if call.stream else call.text
+        sent: dict[str, Any] = {"json": call.json, "headers": headers}
+        sent["content"] = self._watched(call.stream()) if call.stream else call.text
+        # httpx drops an address's own query for an empty one
+        sent["params"] = without_none(call.query) or None
         # httpx takes None in `timeout` for "wait for ever".
         read_s = call.answer_within_s or self._timeout_s
         try:
-            response = self._http.request(
-                call.method,
-                call.path,
-                params=without_none(call.query)
-                or None,  # httpx drops an address's own query for an empty one
-                json=call.json,
-                content=content,
-                headers=headers,
-                timeout=httpx.Timeout(self._timeout_s, read=read_s),
-            )
+            within = httpx.Timeout(self._timeout_s, read=read_s)
+            response = self._http.request(call.method, call.path, timeout=within, **sent)
         except httpx.TransportError as error:
             raise problem.from_transport(error) from error
         if not response.is_success:

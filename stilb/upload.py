@@ -18,20 +18,17 @@ from stilb.problem import UNREACHABLE, Problem
 from stilb.records import Frame, Polygon
 from stilb.transport import Call, PathLike, Transport, address
 
-WHOLE_BYTES = 1 << 20
-"""A smaller file goes in one request; only if that is cut it is sent as what can go on."""
+WHOLE_BYTES = 1 << 20  # a smaller file goes in one request; only if that is cut it is sent as what can go on
 _AT_ONCE = 2
-_MOST_AT_ONCE = 16
-"""Small files; more gain nothing, and a service takes what arrives together in one transaction anyway."""
-_MOST_BYTES = 4 << 20
-"""Of small files under way, beyond the first two."""
+_MOST_AT_ONCE = 16  # small files; more gain nothing: what arrives together goes in one transaction anyway
+_MOST_BYTES = 4 << 20  # of small files under way, beyond the first two
 _QUICK_S = 1.0
 
 _CHUNK_BYTES = 1 << 20
 _LARGEST_PIECE_BYTES, _SMALLEST_PIECE_BYTES = 16 << 20, 16 << 10
-_LONGEST_BACKOFF = 3
-"""Doublings of the pause before the next piece."""
+_LONGEST_BACKOFF = 3  # doublings of the pause before the next piece
 _TUS = {"Tus-Resumable": "1.0.0"}
+_PIECE = _TUS | {"Content-Type": "application/offset+octet-stream"}
 _OF_ONE_FILE = frozenset({400, 413, 422})
 
 Sent = TypeVar("Sent")
@@ -112,8 +109,7 @@ class Tally:
 
     def __init__(self, paths: Sequence[Path], on_progress: OnProgress | None) -> None:
         self._lock = threading.Lock()
-        self._on_progress = on_progress
-        self._paths = paths
+        self._on_progress, self._paths = on_progress, paths
         # A file that has gone is the matter of whoever opens it.
         self.sizes = [path.stat().st_size if path.exists() else 0 for path in paths]
         self._sent = [0] * len(paths)
@@ -127,15 +123,9 @@ class Tally:
             else:
                 self._sent[index] = sent_bytes
             if self._on_progress is not None:
-                self._on_progress(
-                    Progress(
-                        filename=self._paths[index].name,
-                        files_done=self._files_done,
-                        files_total=len(self._paths),
-                        bytes_sent=sum(self._sent),
-                        bytes_total=sum(self.sizes),
-                    )
-                )
+                done = {"files_done": self._files_done, "files_total": len(self._paths)}
+                sizes = {"bytes_sent": sum(self._sent), "bytes_total": sum(self.sizes)}
+                self._on_progress(Progress(filename=self._paths[index].name, **done, **sizes))
 
 
 Count = Callable[[int | None], None]
@@ -235,12 +225,7 @@ def _send_resumably(
     while "Content-Location" not in told:
         offset = int(told["Upload-Offset"])
         length = min(most, size_bytes - offset)
-        piece = {
-            **_TUS,
-            "Content-Type": "application/offset+octet-stream",
-            "Content-Length": str(length),
-            "Upload-Offset": str(offset),
-        }
+        piece = _PIECE | {"Content-Length": str(length), "Upload-Offset": str(offset)}
         try:
             stream = partial(_stream, path, count, offset, length)
             told = transport.once(Call(method="PATCH", path=place, stream=stream, headers=piece)).headers
@@ -286,14 +271,7 @@ def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: Count
 
 
 def _query(upload: Upload, path: Path) -> dict[str, str | float | None]:
+    said = {name: getattr(upload, name) for name in ("role", "scene", "exposure_time_s", "f_number", "iso")}
     polygon = None if upload.roi is None else json.dumps([[x, y] for x, y in upload.roi], allow_nan=False)
-    return {
-        "role": upload.role,
-        "scene": upload.scene,
-        # A name that is not UTF-8 on disk has no other spelling in a URL.
-        "filename": path.name.encode("utf-8", "replace").decode("utf-8"),
-        "roi": polygon,
-        "exposure_time_s": upload.exposure_time_s,
-        "f_number": upload.f_number,
-        "iso": upload.iso,
-    }
+    # A name that is not UTF-8 on disk has no other spelling in a URL.
+    return said | {"filename": path.name.encode("utf-8", "replace").decode("utf-8"), "roi": polygon}

@@ -48,9 +48,8 @@ def login(
     with Client(address, key, retries=2) as client:
         own = _own_key(client, address)
     path = keep_login(config_folder(), Login(url=address, key=key))
-    output.answer(
-        {"url": address, **own.raw, "kept_in": str(path)}, f"{_sentence(address, own)}. Stored in {path}"
-    )
+    said = f"{_sentence(address, own)}. Stored in {path}"
+    output.answer({"url": address, **own.raw, "kept_in": str(path)}, said)
 
 
 def _ask_for_key() -> str:
@@ -69,9 +68,8 @@ def _own_key(client: Client, address: str) -> OwnKey:
     except Problem as problem:
         if problem.status != HTTPStatus.NOT_FOUND:
             raise
-        raise Unclear(
-            f"{address} is not the address of a service. Give it without a path: http://127.0.0.1:8000"
-        ) from problem
+        message = f"{address} is not the address of a service. Give it without a path: http://127.0.0.1:8000"
+        raise Unclear(message) from problem
 
 
 @command
@@ -95,8 +93,7 @@ def _sentence(url: str, own: OwnKey) -> str:
 
 
 State = Literal["ok", "warn", "fail", "unknown"]
-Limit = tuple[float, State, str]
-"""Above which a value is of a state, and what to do then."""
+Limit = tuple[float, State, str]  # above which a value is of a state, and what to do then
 _READY: Limit = (0.0, "fail", "")
 _QUEUE: Limit = (60.0, "warn", ": the workers are busy or down; tell the operator")
 _QUARANTINE: Limit = (0.0, "warn", ": stilb jobs --state quarantined")
@@ -173,12 +170,8 @@ def list_keys(
         found = [key for key in client.api_keys() if every or not key.ended]
     rows = [
         (
-            key.name,
-            key.person or "",
-            ", ".join(key.scopes),
-            key.state,
-            f"{key.last_used_at or 'never'}",
-            key.id,
+            *(key.name, key.person or "", ", ".join(key.scopes), key.state),
+            *(f"{key.last_used_at or 'never'}", key.id),
         )
         for key in found
     ]
@@ -261,9 +254,7 @@ def audit(
             client.save_audit(save, **{name: moment for name, moment in period.items() if moment})
         found = client.check_audit()
     whole = f"the chain is intact: {found.entries} entries, head {found.head}"
-    output.answer(
-        found.raw,
-        whole if found.state == "intact" else f"the chain is broken at {found.broken_at}: {found.detail}",
-    )
+    broken = f"the chain is broken at {found.broken_at}: {found.detail}"
+    output.answer(found.raw, whole if found.state == "intact" else broken)
     if found.state != "intact":
         raise typer.Exit(Exit.FINDINGS)

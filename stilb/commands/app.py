@@ -10,17 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from stilb import problem, transport
-from stilb.commands import (
-    access,
-    calibration,
-    campaign,
-    jobs,
-    measurements,
-    output,
-    push,
-    receipt,
-    roads,
-)
+from stilb.commands import access, calibration, campaign, jobs, measurements, output, push, receipt, roads
 
 # by section the name of each command, its function or its own group, and an example
 _SECTIONS: Final = {

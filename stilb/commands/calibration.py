@@ -173,9 +173,7 @@ def history(
         found = list(client.history(client.find_camera(camera).id, method=method))
     rows = [
         (
-            each.method,
-            each.version or "",
-            each.state,
+            *(each.method, each.version or "", each.state),
             *(at.isoformat().replace("+00:00", "Z") if at else "" for at in (each.valid_from, each.valid_to)),
             each.id,
         )
@@ -237,9 +235,8 @@ def set_regions(client: Client, campaign_id: str, path: Path | None) -> None:
         if not any(map(str.strip, line)) or line[0].strip().lower() == "frame":
             continue
         if len(line) != 2:
-            raise typer.BadParameter(
-                f'--regions: {",".join(line)!r} is not a line such as DJI_1.DNG,"x,y x,y x,y"'
-            )
+            message = f'--regions: {",".join(line)!r} is not a line such as DJI_1.DNG,"x,y x,y x,y"'
+            raise typer.BadParameter(message)
         drawn[line[0].strip()] = read_polygon(line[1], option=f"--regions: {line[0]}")
     for frame_id, polygon in zip(
         _find_frames(client, campaign_id, list(drawn), "--regions"), drawn.values(), strict=True
@@ -313,16 +310,11 @@ def k(
 
     And where it comes from. Of another method: every coefficient that is in force.
     """
+    name = read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None
+    asked: dict[str, Any] = {"name": name, "at": read_moment(at), "known_at": read_moment(known_at)}
     with output.client() as client:
-        found = client.coefficients(
-            client.find_camera(camera).id,
-            method=method,
-            name=read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None,
-            iso=iso,
-            f_number=f_number,
-            at=read_moment(at),
-            known_at=read_moment(known_at),
-        )
+        camera_id = client.find_camera(camera).id
+        found = client.coefficients(camera_id, method=method, iso=iso, f_number=f_number, **asked)
     why = dict.fromkeys(row.why for row in found if row.why)
     output.answer({"items": [row.raw for row in found]}, of_coefficients(found), *why)
 
@@ -388,11 +380,8 @@ def rig(
     With --camera the rig is registered first.
     """
     with output.client() as client:
-        found = (
-            client.create_rig(name, [client.find_camera(each).id for each in camera])
-            if camera
-            else client.find_rig(name)
-        )
+        cameras = [client.find_camera(each).id for each in camera or ()]
+        found = client.create_rig(name, cameras) if cameras else client.find_rig(name)
         answer = client.rig_orientation(found.id, tolerance_deg=tolerance_deg, tolerance_m=tolerance_m)
         if save:
             client.save_rig(found.id, save)
@@ -407,9 +396,7 @@ def show_rig(answer: dict[str, Any]) -> Any:  # noqa: ANN401
         ("camera", "number", "value", "stability"),
         [
             (
-                pose["camera"],
-                name,
-                figure(Quantity(**pose[name])),
+                *(pose["camera"], name, figure(Quantity(**pose[name]))),
                 verdicts[pose["camera"], name].replace("_", " "),
             )
             for pose in newest

@@ -14,16 +14,8 @@ from stilb.commands.measurements import format_measurements
 from stilb.commands.output import CampaignNamed, Exit, Output, command
 from stilb.commands.push import Folder, add_unread, place, transfer
 from stilb.commands.terminal import format_findings, lines, showing, table
+from stilb.field import plan as plans
 from stilb.field.files import ANY_RULES, quote, read_camera, sort_files
-from stilb.field.plan import (
-    FILENAME,
-    ensure_campaign,
-    ensure_panel,
-    ensure_readings,
-    list_parameters,
-    read_plan,
-    read_spreadsheet,
-)
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
 from stilb.problem import Unclear
@@ -55,7 +47,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     light = {"lamp_kind": lamp, "mains_frequency_hz": mains}
     if any(each is not None for each in light.values()) and method != DEFAULT_METHOD:
         raise typer.BadParameter(f"--lamp and --mains are of {DEFAULT_METHOD} campaigns")
-    path = folder / FILENAME
+    path = folder / plans.FILENAME
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name
     stated = read_camera(folder)
@@ -89,12 +81,12 @@ def run(
     Camera, campaign, region, readings, frames, fit; of a night of measurements: frames, measurements. The
     same command again goes on where it was; what has been done is not done twice.
     """
-    plan = read_plan(folder)
+    plan = plans.read_plan(folder)
     files, left_out = sort_files(folder, plan.rules or ANY_RULES)
     with output.client() as client:
-        campaign = ensure_campaign(client, plan)
+        campaign = plans.ensure_campaign(client, plan)
         output.note(f"campaign {campaign.id}, {plan.project_number}")
-        count, others = ensure_readings(client, plan, campaign.id)
+        count, others = plans.ensure_readings(client, plan, campaign.id)
         output.note(f"readings: {count}")
         _settle(output, client, others, replace=replace_readings)
     unread: list[str] = []
@@ -120,10 +112,10 @@ def run(
                 format_measurements(found, refused),
             )
             return
-        ensure_panel(client, plan, campaign.id)
+        plans.ensure_panel(client, plan, campaign.id)
         with showing(output.err) as listener:
             read = partial(listener.on_count, "read")
-            calibration = client.calibrate(campaign.id, on_progress=read, **list_parameters(plan))
+            calibration = client.calibrate(campaign.id, on_progress=read, **plans.list_parameters(plan))
     _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
 
 
@@ -199,7 +191,7 @@ def readings(
     meter: list[str] | None = typer.Option(None, help="Id of the meter; repeatable."),
 ) -> None:
     """Send a spreadsheet of readings. The service converts units and reports invalid rows by line."""
-    text = read_spreadsheet(spreadsheet)
+    text = plans.read_spreadsheet(spreadsheet)
     with output.client() as client:
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
     rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]
@@ -221,17 +213,12 @@ def points(
     iso: float | None = typer.Option(None, help="Of rows that state none."),
 ) -> None:
     """Send a table of statistics in the place of raw frames."""
-    text = read_spreadsheet(spreadsheet)
+    text = plans.read_spreadsheet(spreadsheet)
+    stated: dict[str, Any] = {"exposure_time_s": exposure_time_s, "f_number": f_number, "iso": iso}
+    stated["black_level_dn"] = black_level_dn
     with output.client() as client:
-        added = client.add_points(
-            client.find_campaign(campaign).id,
-            text,
-            white_level_dn=white_level_dn,
-            black_level_dn=black_level_dn,
-            exposure_time_s=exposure_time_s,
-            f_number=f_number,
-            iso=iso,
-        )
+        campaign_id = client.find_campaign(campaign).id
+        added = client.add_points(campaign_id, text, white_level_dn=white_level_dn, **stated)
     ignored = ", ".join(added["ignored_columns"])
     more = [f"columns that were not read: {ignored}"] if ignored else []
     output.answer(added, f"{len(added['items'])} frames", *more)
@@ -257,6 +244,7 @@ def _end(output: Output, report: Report, more: dict[str, object], shown: Sequenc
 
 
 _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
+_BLURS = ("rotation_rate_deg_s", "rotation_blur_px", "forward_blur_px", "theoretical_blur_px")
 
 
 @command
@@ -276,16 +264,11 @@ def motion(
 
     From the attitudes that the files of a campaign record, and from the speed over ground where it is given.
     """
+    stated: dict[str, Any] = {"pixel_pitch_um": pixel_pitch, "limit_px": limit}
+    stated |= {"ground_speed_m_s": speed, "distance_m": height}
     with output.client() as client:
-        found = client.motion(
-            client.find_campaign(campaign).id,
-            focal_length_mm=focal_length,
-            pixel_pitch_um=pixel_pitch,
-            limit_px=limit,
-            ground_speed_m_s=speed,
-            distance_m=height,
-            role=role,
-        )
+        campaign_id = client.find_campaign(campaign).id
+        found = client.motion(campaign_id, focal_length_mm=focal_length, role=role, **stated)
     counted = f"{found['within_limit']} within {found['limit_px']:g} px, {found['beyond_limit']} beyond"
     sentence = f"{found['frames']} frames, {found['with_rates']} with rates: {counted}"
     output.answer(found, _table(found["rows"]), *_reasons(found["rows"]), sentence)
@@ -300,15 +283,7 @@ def _table(rows: list[dict[str, Any]]) -> Any:  # noqa: ANN401
             (
                 row["filename"],
                 row["role"],
-                *(
-                    f"{row[name]:.3g}" if name in row else ""
-                    for name in (
-                        "rotation_rate_deg_s",
-                        "rotation_blur_px",
-                        "forward_blur_px",
-                        "theoretical_blur_px",
-                    )
-                ),
+                *(f"{row[name]:.3g}" if name in row else "" for name in _BLURS),
                 _WORDS[row.get("within_limit")],
             )
             for row in rows

@@ -34,9 +34,8 @@ def jobs(
         (each.kind, about[each.id], each.state, f"{each.progress:.0%}", each.id, _error(each))
         for each in found
     ]
-    output.answer(
-        {"items": [each.raw for each in found]}, table(("kind", "of", "state", "done", "job", "error"), rows)
-    )
+    shown = table(("kind", "of", "state", "done", "job", "error"), rows)
+    output.answer({"items": [each.raw for each in found]}, shown)
 
 
 @command
@@ -91,9 +90,8 @@ def _about(client: Client, found: list[Job]) -> dict[str, str]:
 
 def _one(output: Output, found: Job) -> None:
     result = ", ".join(f"{name} {value}" for name, value in (found.result or {}).items())
-    output.answer(
-        found.raw, f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"
-    )
+    said = f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"
+    output.answer(found.raw, said)
     if found.state in {"failed", "quarantined"}:
         raise typer.Exit(Exit.FINDINGS)
 

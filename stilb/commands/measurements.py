@@ -107,27 +107,14 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         light = plan.read_spreadsheet(Path(light))
     if region is not None and regions is not None:
         raise typer.BadParameter("give either --region for all, or --regions for each")
-    given = {
-        "calibration_id": calibration,
-        "polygon": (None if region is None else read_polygon(region, option="--region")),
-        "grid": _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid),
-        "reflectance": reflectance,
-        "reflectance_u_rel": reflectance_u,
-        "light_source": light,
-        "distance_m": distance,
-        "lens_focus": focus,
-        "mains_frequency_hz": mains,
-        "lamp_kind": lamp,
-        "lamp_modulation": modulation,
-        "glare_share": glare,
-        "spectral_mismatch_u_rel": mismatch,
-        "index": index,
-        "quantity": quantity,
-        "height_above_ground_m": height,
-        "ground_altitude_m": ground,
-        "height_u_m": height_u,
-        "allow": allow or None,
-    }
+    outlines = _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid)
+    polygon = None if region is None else read_polygon(region, option="--region")
+    given: dict[str, Any] = {"calibration_id": calibration, "polygon": polygon, "grid": outlines}
+    given |= {"reflectance": reflectance, "reflectance_u_rel": reflectance_u, "light_source": light}
+    given |= {"distance_m": distance, "lens_focus": focus, "mains_frequency_hz": mains, "lamp_kind": lamp}
+    given |= {"lamp_modulation": modulation, "glare_share": glare, "spectral_mismatch_u_rel": mismatch}
+    given |= {"index": index, "quantity": quantity, "height_above_ground_m": height, "height_u_m": height_u}
+    given |= {"ground_altitude_m": ground, "allow": allow or None}
     details = without_none(given)
     refused: list[dict[str, Any]] = []
     sent = None if folder is None else push.send_night(output, folder, campaign)
@@ -243,9 +230,8 @@ def _read_lanes(text: str) -> Grid:
         _, _, _, _ = corners.split()
         said = Grid(corners=read_polygon(corners), lanes=int(lanes), lane_width_m=width, spacing_m=spacing)
     except ValueError as error:
-        raise typer.BadParameter(
-            '--lanes needs lanes x width x spacing [x length] in m and four corners: "2x3.5x30 x,y ..."'
-        ) from error
+        message = '--lanes needs lanes x width x spacing [x length] in m and four corners: "2x3.5x30 x,y ..."'
+        raise typer.BadParameter(message) from error
     return said if length == spacing else Grid(**said, length_m=length)
 
 

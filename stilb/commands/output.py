@@ -127,9 +127,8 @@ def choose_login(kept: Login | None, *, url: str | None, key: str | None) -> Log
     if key:
         return Login(url=url, key=key)
     if kept is None or kept.url != url:
-        raise problem.Unclear(
-            f"No key is stored for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}"
-        )
+        message = f"No key is stored for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}"
+        raise problem.Unclear(message)
     return kept
 
 

@@ -253,9 +253,8 @@ def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:
         if named is not None:
             return client.find_campaign(named)
         if not (folder / FILENAME).exists():
-            raise typer.BadParameter(
-                f"give --campaign, or create a {FILENAME}: stilb campaign init {quote(folder)}"
-            )
+            message = f"give --campaign, or create a {FILENAME}: stilb campaign init {quote(folder)}"
+            raise typer.BadParameter(message)
         plan = read_plan(folder)
         if (found := find_planned(client, plan)) is None:
             raise missing(

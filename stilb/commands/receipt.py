@@ -6,19 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
+from stilb import receipt as receipts
 from stilb.client import Client
 from stilb.commands.output import Exit, Output, command, config_folder, print_json
 from stilb.field.push import Report
 from stilb.problem import Problem, Unclear
-from stilb.receipt import (
-    KnownKeys,
-    ReceiptInvalid,
-    compare_card,
-    list_files,
-    plain_name,
-    read_keys,
-    verify_receipt,
-)
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."
@@ -53,19 +45,18 @@ def verify(
     except (ValueError, KeyError, TypeError):
         raise Unclear(f"{file} is not a receipt.") from None
     if key is not None:
-        keys, origin = read_keys(key.read_text(encoding="utf-8")), str(key)
+        keys, origin = receipts.read_keys(key.read_text(encoding="utf-8")), str(key)
     else:
         if (known := _known_keys().read().get(key_id)) is None:
-            raise Unclear(
-                f"The key {key_id} has not been seen by this user: give --key (stilb receipt keys)."
-            )
+            message = f"The key {key_id} has not been seen by this user: give --key (stilb receipt keys)."
+            raise Unclear(message)
         keys, origin = [known["public_key"]], known["url"]
     try:
-        receipt = verify_receipt(signed, keys)
-    except ReceiptInvalid as invalid:
+        receipt = receipts.verify_receipt(signed, keys)
+    except receipts.ReceiptInvalid as invalid:
         _finish({"valid": False, "reason": str(invalid)}, [str(invalid)], as_json=as_json, well=False)
         return
-    differences = [] if card is None else compare_card(receipt, card)
+    differences = [] if card is None else receipts.compare_card(receipt, card)
     lines = [*_describe(receipt), f"signed with {key_id}, a key of {origin}", *differences]
     if differences:
         lines.append("Do not delete this folder: the receipt does not cover the files above.")
@@ -88,10 +79,13 @@ def write_receipt(
 ) -> Path | None:
     """Write the receipt, by default among this user's own; None, with a note, if it is refused."""
     try:
-        hashes = {plain_name(file.name): file.sha256 for file in report.files}
+        hashes = {receipts.plain_name(file.name): file.sha256 for file in report.files}
         files: list[dict[str, Any]] = [
-            {"name": plain_name(file.relative_to(folder).as_posix()), "size_bytes": file.stat().st_size}
-            for file in list_files(folder)
+            {
+                "name": receipts.plain_name(file.relative_to(folder).as_posix()),
+                "size_bytes": file.stat().st_size,
+            }
+            for file in receipts.list_files(folder)
         ]
         sent = [file | {"sha256": hashes[file["name"]]} for file in files if file["name"] in hashes]
         others = [file for file in files if file["name"] not in hashes]
@@ -110,8 +104,8 @@ def write_receipt(
     return path
 
 
-def _known_keys() -> KnownKeys:
-    return KnownKeys(config_folder() / "signing-keys.json")
+def _known_keys() -> receipts.KnownKeys:
+    return receipts.KnownKeys(config_folder() / "signing-keys.json")
 
 
 def _describe(receipt: dict[str, Any]) -> list[str]:

@@ -7,16 +7,8 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from rich import box
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-    TransferSpeedColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
@@ -121,10 +113,9 @@ def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
 class _Screen:
     """One bar for the counts, and one for the bytes as soon as there are any."""
 
-    def __init__(self, console: Console, progress: Progress) -> None:
-        self._console = console
-        self._progress = progress
-        self._bars: dict[str, TaskID] = {}
+    def __init__(self, console: Console, progress: bars.Progress) -> None:
+        self._console, self._progress = console, progress
+        self._bars: dict[str, bars.TaskID] = {}
 
     def count(self, what: str, done: int, total: int) -> None:
         if not self._console.is_terminal:
@@ -144,7 +135,7 @@ class _Screen:
         bar = self._bar("sent")
         self._progress.update(bar, completed=sent.bytes_sent, total=sent.bytes_total, description=description)
 
-    def _bar(self, what: str) -> TaskID:
+    def _bar(self, what: str) -> bars.TaskID:
         if what not in self._bars:
             self._bars[what] = self._progress.add_task(what, total=None)
         return self._bars[what]
@@ -152,11 +143,11 @@ class _Screen:
 
 @contextmanager
 def showing(console: Console) -> Iterator[Listener]:
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
-    with Progress(
+    columns = (bars.TextColumn("{task.description}", markup=False), bars.BarColumn(), bars.DownloadColumn())
+    with bars.Progress(
         *columns,
-        TransferSpeedColumn(),
-        TimeRemainingColumn(),
+        bars.TransferSpeedColumn(),
+        bars.TimeRemainingColumn(),
         console=console,
         disable=not console.is_terminal,
         transient=True,

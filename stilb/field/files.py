@@ -123,15 +123,11 @@ _CAMERA: Final = {
     "model": ("Image Model",),
     "serial": ("Image Tag 0xC62F", "EXIF BodySerialNumber"),
 }
+_ISO = ("ISOSpeedRatings", "StandardOutputSensitivity", "RecommendedExposureIndex", "ISOSpeed")
 _EXPOSURE: Final = {
     "exposure_time_s": ("EXIF ExposureTime", "Image ExposureTime"),
     "f_number": ("EXIF FNumber", "Image FNumber"),
-    "iso": (
-        "EXIF ISOSpeedRatings",
-        "EXIF StandardOutputSensitivity",
-        "EXIF RecommendedExposureIndex",
-        "EXIF ISOSpeed",
-    ),
+    "iso": tuple(f"EXIF {name}" for name in _ISO),
 }
 _WHITE_LEVEL: Final = "Tag 0xC61D"
 _MOSAIC, _GREY, _UNCOMPRESSED, _WORD_BITS = 32803, 1, 1, 16
@@ -176,17 +172,14 @@ def place_files(
         for file in known
     ]
     placed = client.propose(asked, **about)["frames"] if asked else []
-    found = [
-        replace(file, role=each["role"], scene=each.get("scene"))
-        for file, each in zip(known, placed, strict=True)
-    ]
+    pairs = zip(known, placed, strict=True)
+    found = [replace(file, role=each["role"], scene=each.get("scene")) for file, each in pairs]
     return found, [file.name for file in files if file.name not in headers]
 
 
 def _read_text(tags: Mapping[str, Any], *keys: str) -> str | None:
-    return next(
-        (text for key in keys if key in tags and (text := str(tags[key].printable).strip("\0 "))), None
-    )
+    texts = (str(tags[key].printable).strip("\0 ") for key in keys if key in tags)
+    return next(filter(None, texts), None)
 
 
 def _read_number(tags: Mapping[str, Any], *keys: str) -> float | None:

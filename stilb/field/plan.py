@@ -19,9 +19,7 @@ FILENAME = "campaign.toml"
 
 _FEWEST_CORNERS = 3
 _LENS = {"make", "model", "serial"}
-_CERTIFICATE = {
-    *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
-}
+_CERTIFICATE = {"number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor"}
 _EXPOSURE = {"exposure_time_s", "f_number", "iso"}
 # A name of the service's library, or a file.
 _CURVES = frozenset({"lamp", "camera_response", "light_source"})
@@ -115,18 +113,14 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
             if str(table[name]).lower().endswith(".csv"):
                 table[name] = read_spreadsheet(folder / table[name])
     night = campaign.get("kind") == "measurement"
-    for name in ({"meter", "reading", "readings", "panel", "target", "fit"} if night else {"measure"}) & set(
-        said
-    ):
-        raise Unclear(
-            f"[{name}] has no place in a campaign of the kind {campaign.get('kind', 'calibration')}"
-        )
+    foreign = {"meter", "reading", "readings", "panel", "target", "fit"} if night else {"measure"}
+    for name in sorted(foreign & set(said)):
+        kind = campaign.get("kind", "calibration")
+        raise Unclear(f"[{name}] has no place in a campaign of the kind {kind}")
     csv = said.get("readings", {}).get("file")
     frames = said.get("frames")
     return Plan(
-        make=camera.pop("make"),
-        model=camera.pop("model"),
-        serial=camera.pop("serial"),
+        **{name: camera.pop(name) for name in ("make", "model", "serial")},
         camera=camera,
         method=campaign.pop("method"),
         project_number=campaign["project_number"],
@@ -196,9 +190,8 @@ def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
         return {"polygon": _corners("polygon in region", said["polygon"])}
     if "parts" in said:
         if not isinstance(said["parts"], dict):
-            raise Unclear(
-                "parts in region must be written as [region.parts], one name and its corners per line"
-            )
+            message = "parts in region must be written as [region.parts], one name and its corners per line"
+            raise Unclear(message)
         return {"parts": {name: _corners(f"{name} in region", each) for name, each in said["parts"].items()}}
     if "file" in said:
         return {"imagej": read_macro(folder / said["file"])}
@@ -222,9 +215,8 @@ def read_spreadsheet(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
     except FileNotFoundError:
-        raise Unclear(
-            f"{path} does not exist: put the file there, or remove the line that names it"
-        ) from None
+        message = f"{path} does not exist: put the file there, or remove the line that names it"
+        raise Unclear(message) from None
 
 
 def read_macro(path: Path) -> str:
@@ -232,9 +224,8 @@ def read_macro(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise Unclear(
-            f"{path} contains no macro: record one in ImageJ (Plugins > Macros > Record)."
-        ) from error
+        message = f"{path} contains no macro: record one in ImageJ (Plugins > Macros > Record)."
+        raise Unclear(message) from error
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401  whatever TOML holds

@@ -133,8 +133,7 @@ class Report:
     files: tuple[Told, ...]
     sent: int
     left_out: tuple[str, ...] = ()
-    receipt: str | None = None
-    """Where it was written."""
+    receipt: str | None = None  # where it was written
 
     @property
     def received(self) -> int:
@@ -220,17 +219,10 @@ def _compare(push: _Push, file: FieldFile, known: records.KnownFrame) -> None:
 
 
 def _send(push: _Push, files: list[FieldFile]) -> int:
-    uploads = [
-        upload.Upload(
-            campaign_id=push.campaign_id,
-            path=file.path,
-            role=file.role,
-            scene=file.scene,
-            sha256=push.hashes[file.name],
-            **file.details,
-        )
-        for file in files
-    ]
+    uploads = []
+    for file in files:
+        said: dict[str, Any] = {"path": file.path, "role": file.role, "scene": file.scene, **file.details}
+        uploads.append(upload.Upload(campaign_id=push.campaign_id, sha256=push.hashes[file.name], **said))
     outcomes = push.client.push_each(uploads, on_progress=push.listener.on_progress) if uploads else []
     for file, outcome in zip(files, outcomes, strict=True):
         if isinstance(outcome, Exception):
