@@ -40,7 +40,7 @@ def test_the_mistakes_of_a_newcomer_are_seen_and_mended(browser, service, team, 
     card = write_card(tmp_path)
     with visit(browser, service.url, timezone_id="America/Detroit") as context:
         context.grant_permissions(["clipboard-read", "clipboard-write"])
-        page = sign_in(context, team.key)
+        page = sign_in(context, team.key, "/")
         name_the_camera(page, tmp_path)
         mend_the_card(page, card)
         page = lose_tab_and_line(context, stop_and_remove(page))

@@ -29,7 +29,7 @@ def test_a_wrong_key_is_told_on_the_page(stranger_context):
 
 
 def test_signing_out_ends_it(context, team):
-    page = sign_in(context, team.key)
+    page = sign_in(context, team.key, "/")
     page.locator("summary", has_text="first").click()
     page.get_by_role("button", name="Sign out").click()
     expect(page).to_have_url(re.compile("/sign-in$"))
@@ -48,6 +48,7 @@ def test_a_page_that_is_not_there_says_so(page):
 
 
 def test_the_first_tab_leads_past_the_navigation(page):
+    page.goto("/")
     page.keyboard.press("Tab")
     expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
     page.keyboard.press("Enter")

@@ -17,6 +17,7 @@ MOTION = {
 
 def test_calculators_answer_with_units_and_lead_into_the_manual(night_page):
     page = night_page
+    page.goto("/")
     page.get_by_role("link", name="Calculators").click()
     for label, value in MOTION.items():
         page.get_by_label(label, exact=True).fill(value)

@@ -149,7 +149,6 @@ def reading(scene, value):
     return {"scene": scene, "quantity": "luminance", "value": value, "unit": "cd/m2"}
 
 
-@WIDE
 def test_a_reading_that_its_frames_speak_against_is_needed_before_the_fit(page, team, service, tmp_path):
     campaign = push(service, team, tmp_path)
     wrong = {**MEANT, "Scene 4": 29.4, "Scene 5": 12.8}
@@ -182,7 +181,6 @@ def test_a_reading_that_its_frames_speak_against_is_needed_before_the_fit(page, 
     page.context.complaints.clear()
 
 
-@WIDE
 def test_frames_of_another_lens_are_named_before_the_fit(page, team, service, tmp_path):
     campaign = push(service, team, tmp_path)
     path = write_frame(

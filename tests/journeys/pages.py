@@ -49,7 +49,7 @@ class Pages(Door):
         self._looked: set[str] = set()
 
     def __enter__(self):
-        self.page = sign_in(self._visit.__enter__(), self.key)
+        self.page = sign_in(self._visit.__enter__(), self.key, "/")
         return self
 
     def __exit__(self, *error):
