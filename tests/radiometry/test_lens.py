@@ -26,10 +26,10 @@ from radiometry.luminance.maps import (
 )
 from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
-from radiometry.vignetting.results import Coefficient
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.frames import frame_of
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
+from tests.radiometry.vignetting.flats import coefficient
 
 SHAPE = (64, 96)
 RADIUS = math.hypot(*SHAPE) / 2
@@ -45,23 +45,12 @@ CORNER = Polygon.from_points([(4, 36), (24, 36), (24, 60), (4, 60)])
 def falloff(channel, f_number=4.0, k1=None, **changes):
     covariance = np.zeros((5, 5))
     covariance[0, 0] = U_K1**2
-    made = Coefficient(
-        f_number=f_number,
-        channel=channel,
-        height_px=SHAPE[0],
-        width_px=SHAPE[1],
-        radius_px=RADIUS,
-        centre_row_px=CENTRE[0],
-        centre_col_px=CENTRE[1],
-        k1=K1[channel] if k1 is None else k1,
-        k2=0.0,
-        k3=0.0,
-        covariance=tuple(tuple(row) for row in covariance.tolist()),
-        model_u_rel=0.0,
-        corner_falloff=0.3,
-        corner_falloff_standard_uncertainty=0.01,
+    curve = {"radius_px": RADIUS, "k1": K1[channel] if k1 is None else k1, "k2": 0.0}
+    place = dict(
+        zip(("height_px", "width_px", "centre_row_px", "centre_col_px"), SHAPE + CENTRE, strict=True)
     )
-    return replace(made, **changes)
+    given = {"f_number": f_number, "channel": channel, "covariance": tuple(map(tuple, covariance.tolist()))}
+    return coefficient(**given | place | curve | changes)
 
 
 LENS = Lens(coefficients=tuple(falloff(name) for name in K1), f_number=4.0)

@@ -37,18 +37,13 @@ from tests.radiometry.luminance.exact import (
 )
 
 
-def signal(value, u=0.1, black=250.0):
-    return Signal(
-        value_dn=value,
-        standard_uncertainty_dn=u,
-        saturated_share=0.0,
-        black_level_dn=black,
-        white_level_dn=4346.0,
-    )
+def signals(*values):
+    levels = {"saturated_share": 0.0, "black_level_dn": 250.0, "white_level_dn": 4346.0}
+    return [Signal(value_dn=value, standard_uncertainty_dn=0.1, **levels) for value in values]
 
 
 def test_dark_is_the_median():
-    found = estimate_dark([signal(256.0), signal(259.0), signal(257.0)], [])
+    found = estimate_dark(signals(256.0, 259.0, 257.0), [])
     assert found.signal_dn == 257.0
     spread = np.var([256, 259, 257], ddof=1)
     assert found.standard_uncertainty_dn == pytest.approx(math.sqrt(math.pi / 2 * spread / 3))
@@ -57,13 +52,13 @@ def test_dark_is_the_median():
 
 
 def test_quiet_dark_frames_are_not_better_than_their_noise():
-    found = estimate_dark([signal(256.0), signal(256.0)], [])
+    found = estimate_dark(signals(256.0, 256.0), [])
     assert found.standard_uncertainty_dn == pytest.approx(0.1 / math.sqrt(2))
     assert found.frame_spread_dn == 0.0
 
 
 def test_without_dark_frames_the_black_level_stands_in():
-    found = estimate_dark([], [signal(900.0), signal(800.0)])
+    found = estimate_dark([], signals(900.0, 800.0))
     assert (found.signal_dn, found.standard_uncertainty_dn) == (250.0, 1.0)
 
 
@@ -221,19 +216,6 @@ def test_scatter_that_no_meter_has_is_named():
 
 
 TIMES = (0.01, 0.01, 0.01, 0.1, 0.1, 0.1)
-
-
-def signals(*values):
-    return [
-        Signal(
-            value_dn=v,
-            standard_uncertainty_dn=0.1,
-            saturated_share=0.0,
-            black_level_dn=250,
-            white_level_dn=4346,
-        )
-        for v in values
-    ]
 
 
 def test_line_by_hand():

@@ -8,11 +8,11 @@ import pytest
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.multispectral import Multispectral, name_panel
-from radiometry.frame.verdicts import ReviewedFrame
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.findings import judge
 from radiometry.reflectance.panel_code import FoundPanel
 from radiometry.reflectance.points import find_value
+from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_band, flags_of, k_of, panel
 
 PARAMS = reflectance.Params()
@@ -69,20 +69,7 @@ def test_a_panel_that_no_frame_names_is_assumed_and_flagged():
 
 def test_the_verdict_names_both_panels_before_any_fit():
     rows = read_codes(panel(), OTHER)
-    frames = [
-        ReviewedFrame(
-            frame=each.frame,
-            role="panel",
-            scene=None,
-            state="extracted",
-            refusal="",
-            flags=(),
-            format=None,
-            region=None,
-        )
-        for each in rows
-    ]
-    for verdict in judge(frames, rows, OURS, PARAMS).values():
+    for verdict in judge([taken(each) for each in rows], rows, OURS, PARAMS).values():
         assert any(each.code == "panel_differs" and OTHER in each.detail for each in verdict.reasons)
 
 

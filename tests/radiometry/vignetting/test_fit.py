@@ -1,6 +1,5 @@
 """Simulated truth comes back within its own error: off-centre, not square, transposed, and lit unevenly."""
 
-import random as python_random
 from dataclasses import replace
 
 import numpy as np
@@ -88,10 +87,10 @@ def test_truth_comes_back_within_its_error(fitted):
     assert fitted.flags == ()
 
 
-def test_order_of_the_input_changes_nothing(rows, fitted):
-    shuffled = list(rows)
-    python_random.Random(3).shuffle(shuffled)
-    assert vignetting.fit(shuffled, NONE) == fitted
+def test_order_of_the_input_changes_nothing():
+    rows = [flat(SMALL, seed, f, name=f"flat-{seed}") for seed, f in enumerate((1.4, 1.4, 4.0, 4.0))]
+    rows += [dark(SMALL, seed, name=f"dark-{seed}") for seed in (5, 6)]
+    assert vignetting.fit([rows[n] for n in (4, 2, 0, 5, 3, 1)], NONE) == vignetting.fit(rows, NONE)
 
 
 def test_fit_survives_json_and_is_finite(fitted):
@@ -168,7 +167,7 @@ def test_what_no_curve_describes_is_said_and_counted(depth, flagged):
     assert ("vignetting_misfit" in flags_of(found.flags)) is flagged
 
 
-def cover(f_numbers, plane, turns, *, runs=16):
+def cover(f_numbers, plane, turns, *, runs=10):
     """Return, of the last f-number, the rms of u(V) and the shares of V and of the centre within 2 u."""
     random, found = np.random.default_rng(21), []
     grid = grid_of(240, 360)
