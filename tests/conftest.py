@@ -51,7 +51,10 @@ SERVED = {
 WHOLE = {"bench", "browser", "demo", "faults", "flow", "journeys"}
 # What the first processes of a run begin with, in this order: such tests wait for much of their time, while
 # other processes compute. Those of one deployment stay in one process, and the longest do not end the run.
-FIRST = (("faults", "flow"), ("bench", "service/test_fuzz.py", "browser", "journeys", "demo"))
+FIRST = (
+    ("faults", "flow", "stilb/test_wheel.py", "verify/test_every_method.py"),
+    ("bench", "service/test_fuzz.py", "browser", "journeys", "demo"),
+)
 
 
 # tests of a unit that take longer than this of a processor, their own processes included

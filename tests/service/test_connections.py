@@ -50,6 +50,18 @@ def serving(*, per_peer=0, headers_within_s=60.0, guarded=True):
             process.kill()
 
 
+@pytest.fixture(scope="module")
+def default():
+    with serving() as port:
+        yield port
+
+
+@pytest.fixture(scope="module")
+def quick():
+    with serving(headers_within_s=1.0) as port:
+        yield port
+
+
 def connect(stack, port, *, peer="127.0.0.1"):
     return stack.enter_context(
         socket.create_connection(("127.0.0.1", port), timeout=20, source_address=(peer, 0))
@@ -93,11 +105,10 @@ def test_one_peer_with_more_than_the_process_may_open_keeps_nobody_else_out(guar
             assert not is_closed(halves[0], within_s=0.2)
 
 
-def test_half_a_request_is_ended_in_time_and_a_whole_one_is_not():
-    with serving(headers_within_s=1.0) as port, ExitStack() as stack:
-        halves = send_halves(stack, port, 100)
-        silent = connect(stack, port)
-        again = connect(stack, port)
+def test_half_a_request_is_ended_in_time_and_a_whole_one_is_not(quick):
+    with ExitStack() as stack:
+        halves = send_halves(stack, quick, 100)
+        silent, again = connect(stack, quick), connect(stack, quick)
         again.sendall(HALF + b"\r\n\r\n")
         answer = b""
         while not answer.endswith(b"0\r\n\r\n"):
@@ -106,12 +117,12 @@ def test_half_a_request_is_ended_in_time_and_a_whole_one_is_not():
         begun = time.monotonic()
         assert all(is_closed(connection) for connection in (*halves, silent, again))
         assert time.monotonic() - begun < 120
-        assert answers(port, peer="127.0.0.1")
+        assert answers(quick, peer="127.0.0.1")
 
 
-def test_a_slow_body_lives_on():
-    with serving(headers_within_s=0.5) as port, ExitStack() as stack:
-        connection = connect(stack, port)
+def test_a_slow_body_lives_on(quick):
+    with ExitStack() as stack:
+        connection = connect(stack, quick)
         connection.sendall(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 20\r\n\r\n")
         for _ in range(20):
             time.sleep(0.1)
@@ -119,9 +130,9 @@ def test_a_slow_body_lives_on():
         assert connection.recv(1000).startswith(b"HTTP/1.1 200")
 
 
-def test_headers_without_end_are_cut():
-    with serving() as port, ExitStack() as stack:
-        connection = connect(stack, port)
+def test_headers_without_end_are_cut(default):
+    with ExitStack() as stack:
+        connection = connect(stack, default)
         connection.sendall(b"GET / HTTP/1.1\r\n")
         for _ in range(1000):
             try:
@@ -133,9 +144,9 @@ def test_headers_without_end_are_cut():
 
 
 @pytest.mark.parametrize(("size", "status"), [(60_000, b"200"), (70_000, b"400")])
-def test_headers_that_come_at_once_have_the_same_limit(size, status):
-    with serving() as port, ExitStack() as stack:
-        connection = connect(stack, port)
+def test_headers_that_come_at_once_have_the_same_limit(default, size, status):
+    with ExitStack() as stack:
+        connection = connect(stack, default)
         connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-More: " + b"x" * size + b"\r\n\r\n")
         assert connection.recv(1000).startswith(b"HTTP/1.1 " + status)
 
