@@ -82,34 +82,25 @@ def test_dark_frames_that_differ():
     assert "the dark frames at ISO 3200 differ too much for its weakest signal: repeat them" in advice(rows)
 
 
-def test_levels_are_to_be_added_in_the_widest_gap():
-    kept = (*lights("a", "b", "e"), *DARKS)
-    assert advice(kept, readings_of("a", "b", "e")) == (
-        "ISO 3200: 3 usable levels, add 2 more between 0.5 and 20 cd/m2",
-    )
-
-
-def test_what_two_iso_values_lack_is_said_once():
-    kept = [*lights("a", "b", "e"), *DARKS]
-    kept += [replace(row, exposure=replace(row.exposure, iso=1600.0)) for row in kept]
-    assert advice(kept, readings_of("a", "b", "e")) == (
-        "ISO 1600, 3200: 3 usable levels, add 2 more between 0.5 and 20 cd/m2",
-    )
-
-
-def test_levels_that_lie_close_are_to_be_spread():
-    kept = (*lights("b", "c", f_numbers=(4.0, 5.6, 8.0)), *DARKS)
-    assert advice(kept, readings_of("b", "c")) == (
-        "ISO 3200: 2 usable levels, add 3 more down to 2 cd/m2 or up to 50 cd/m2",
-    )
-
-
-def test_one_level_and_none():
-    kept = (*lights("c", f_numbers=(4.0, 5.0, 5.6, 6.3, 8.0, 10.0)), *DARKS)
-    assert advice(kept, readings_of("c")) == (
-        "ISO 3200: 1 usable level, add 4 more down to 0.5 cd/m2 or up to 50 cd/m2",
-    )
+@pytest.mark.parametrize(
+    ("scenes", "f_numbers", "lacking"),
+    [
+        ("abe", (5.6, 8.0), "3 usable levels, add 2 more between 0.5 and 20 cd/m2"),
+        ("bc", (4.0, 5.6, 8.0), "2 usable levels, add 3 more down to 2 cd/m2 or up to 50 cd/m2"),
+        (
+            "c",
+            (4.0, 5.0, 5.6, 6.3, 8.0, 10.0),
+            "1 usable level, add 4 more down to 0.5 cd/m2 or up to 50 cd/m2",
+        ),
+    ],
+)
+def test_levels_are_to_be_added_in_the_widest_gap_and_where_they_lie_close(scenes, f_numbers, lacking):
+    kept = (*lights(*scenes, f_numbers=f_numbers), *DARKS)
+    assert advice(kept, readings_of(*scenes)) == (f"ISO 3200: {lacking}",)
     assert not any("level" in sentence for sentence in advice(kept, []))
+    # what two ISO values lack is said once
+    both = [*kept, *(replace(row, exposure=replace(row.exposure, iso=1600.0)) for row in kept)]
+    assert advice(both, readings_of(*scenes)) == (f"ISO 1600, 3200: {lacking}",)
 
 
 @pytest.mark.parametrize(("darkest", "found"), [(0.51, True), (0.49, False)])

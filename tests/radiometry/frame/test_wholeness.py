@@ -66,30 +66,30 @@ def test_where_zeros_lie_is_said():
 
 
 def test_values_far_below_black_are_missing_data_too():
+    """As is the first value of a linearization table, which stands for zero."""
     samples = _noisy(900, 20)
     samples[100:110] = 100
     found = _look(samples)
     assert found.empty == (EmptyBlock(row0=100, col0=0, rows=10, cols=400),)
     assert sum(found.below_share) > 0 == sum(found.zero_share)
+    samples[100:] = 30
+    whole = (EmptyBlock(row0=100, col0=0, rows=140, cols=400),)
+    assert _look(samples, black=64.0, lowest=30.0).empty == whole
 
 
-@pytest.mark.parametrize("sigma", [0.0, 1.0, 5.0, 40.0, 200.0])
-def test_dark_frame_is_dark_however_much_it_varies(sigma):
-    """A lens cap, at a black level that noise may reach below or not."""
-    assert _look(_noisy(256, sigma)).empty == ()
-
-
-@pytest.mark.parametrize("offset", [-40, -3, 3])
-def test_black_that_drifts_is_dark(offset):
-    assert _look(_noisy(256 + offset, 4.0)).empty == ()
-
-
-@pytest.mark.parametrize("mean", [-3.0, -1.0, 0.0, 1.0, 4.0])
-def test_dark_frame_of_a_camera_that_subtracts_black_itself(mean):
-    """Zeros may be all that such a camera writes with its cap on."""
-    dark = _noisy(mean, 1.0)
-    assert _look(dark, black=0.0).empty == ()
-    assert _look(np.zeros_like(dark), black=0.0).empty == ()
+@pytest.mark.parametrize(
+    ("mean", "sigma", "black"),
+    [
+        *((256.0, sigma, 256.0) for sigma in (0.0, 1.0, 5.0, 40.0, 200.0)),
+        *((256.0 + offset, 4.0, 256.0) for offset in (-40, -3, 3)),
+        *((mean, 1.0, 0.0) for mean in (-3.0, -1.0, 0.0, 1.0, 4.0)),
+    ],
+)
+def test_dark_frame_is_dark_however_it_varies_or_drifts(mean, sigma, black):
+    """A lens cap: noise may reach below black, or the camera subtracts it itself and writes mere zeros."""
+    dark = _noisy(mean, sigma)
+    assert _look(dark, black=black).empty == ()
+    assert black or _look(np.zeros_like(dark), black=0.0).empty == ()
 
 
 def test_light_that_fades_into_clipped_black():
@@ -170,29 +170,18 @@ def test_picture_set_in_black_is_whole_but_one_that_ends_in_black_is_not():
     assert _look(ending, black=0.0, rendered=True).empty
 
 
-def test_colours_are_looked_at_together():
+def test_colours_are_looked_at_together_and_a_narrow_image_is_one_span():
     samples = np.repeat(_noisy(900, 20)[:, :, None], 3, axis=2)
     samples[200:] = 0
     assert _look(samples, black=0.0).empty == (EmptyBlock(row0=200, col0=0, rows=40, cols=400),)
-
-
-def test_zero_of_a_linearization_table_is_its_first_value():
-    samples = _noisy(900, 20)
-    samples[100:] = 30
-    assert _look(samples, black=64.0, lowest=30.0).empty == (
-        EmptyBlock(row0=100, col0=0, rows=140, cols=400),
-    )
+    narrow = _zeroed(_noisy(900, 20, cols=20), slice(100, 200))
+    assert _look(narrow).empty == (EmptyBlock(row0=100, col0=0, rows=100, cols=20),)
 
 
 @pytest.mark.parametrize("band", [1, 7, 240])
 def test_bands_of_any_height_say_the_same(band):
     samples = _zeroed(_noisy(900, 20), slice(33, 50), slice(64, 256))
     assert _look(samples, band=band) == _look(samples)
-
-
-def test_narrow_image_is_one_span():
-    samples = _zeroed(_noisy(900, 20, cols=20), slice(100, 200))
-    assert _look(samples).empty == (EmptyBlock(row0=100, col0=0, rows=100, cols=20),)
 
 
 # --- Arrays as text: whole again, and refused where type, shape and data do not belong together

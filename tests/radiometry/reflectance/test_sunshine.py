@@ -9,17 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
+from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineIrradiance
 from radiometry.reflectance.sunshine import compare_channels, list_readings, measure_gains, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record
 
 
-def test_relative_gains_of_the_procedure_s_table():
+def test_relative_gains_of_the_procedure_s_table_carry_the_rounding_of_their_counts():
     gains = measure_gains(TABLE)
     assert sorted(gains) == [0, 1, 2]  # index 3 is saturated in CH0
-    assert gains[0].value == pytest.approx(0.03333, abs=5e-6)
-    assert gains[1].value == 1.0
-    assert gains[2].value == pytest.approx(12.0909, abs=5e-5)
+    assert [gains[index].value for index in range(3)] == pytest.approx([0.03333, 1.0, 12.0909], abs=5e-5)
+    assert gains[0].u_rel == pytest.approx(math.sqrt(1 / 12) * math.hypot(1 / 11, 1 / 330))
+    assert gains[0].u_rel == pytest.approx(0.0263, abs=5e-5)
+    assert gains[1].u_rel == 0.0
+    slow = tuple(replace(row, integration_time_s=0.3) if row.gain_index == 2 else row for row in TABLE)
+    assert measure_gains(slow)[2].value == pytest.approx(2 * 3990 / 330)
 
 
 def test_a_gain_saturated_in_one_channel_is_usable_in_the_other():
@@ -27,18 +30,6 @@ def test_a_gain_saturated_in_one_channel_is_usable_in_the_other():
     assert sorted(gains) == [0, 1, 2, 3]
     assert gains[3].value == pytest.approx(38630 / 84)
     assert gains[3].value / gains[2].value == pytest.approx(25.65, abs=5e-3)
-
-
-def test_gains_carry_the_rounding_of_their_counts():
-    gains = measure_gains(TABLE)
-    assert gains[0].u_rel == pytest.approx(math.sqrt(1 / 12) * math.hypot(1 / 11, 1 / 330))
-    assert gains[0].u_rel == pytest.approx(0.0263, abs=5e-5)
-    assert gains[1].u_rel == 0.0
-
-
-def test_the_table_s_integration_times_count():
-    slow = tuple(replace(row, integration_time_s=0.3) if row.gain_index == 2 else row for row in TABLE)
-    assert measure_gains(slow)[2].value == pytest.approx(2 * 3990 / 330)
 
 
 @pytest.mark.parametrize(
@@ -55,22 +46,12 @@ def test_without_a_reference_only_the_reference_has_a_gain(reference):
     assert {index: gain.value for index, gain in gains.items()} == {1: 1.0}
 
 
-def test_a_reading_at_index_two_is_brought_to_index_one():
-    """5200 counts at index 2 are 430.08 at index 1."""
-    one, two = list_readings(make_band(make_record(ch0=430), make_record(ch0=5200, gain_index=2)).counts)
-    assert two.i_ss * 0.1 == pytest.approx(430.08, abs=5e-3)
-    assert one.i_ss == pytest.approx(4300.0)
-
-
-def test_dividing_by_the_gain_index_is_the_public_scripts_mistake():
-    """It calls 5200 counts at index 2 six times as bright as they are, and index 0 has no answer at all."""
-    (right,) = list_readings(make_band(make_record(ch0=5200, gain_index=2)).counts)
-    wrong = 5200 / (2 * 0.1)
-    assert wrong / right.i_ss == pytest.approx(6.045, abs=5e-4)
-    (dark,) = list_readings(make_band(make_record(ch0=14, gain_index=0)).counts)
-    assert dark.i_ss == pytest.approx(14 / (11 / 330 * 0.1))
-    with pytest.raises(ZeroDivisionError):
-        14 / (0 * 0.1)
+def test_readings_are_brought_to_index_one():
+    """5200 counts at index 2 are 430.08 at index 1, and not those of a division by the index."""
+    counts = make_band(*(make_record(ch0=ch0, gain_index=n) for n, ch0 in enumerate((14, 430, 5200)))).counts
+    zero, one, two = (reading.i_ss for reading in list_readings(counts))
+    assert (zero, one) == pytest.approx((14 / (11 / 330 * 0.1), 4300.0))
+    assert two * 0.1 == pytest.approx(430.08, abs=5e-3)
 
 
 INVALID = {
@@ -136,11 +117,12 @@ def test_channel_1_is_not_asked_where_channel_0_counts():
 
 
 def test_no_readings_at_all_are_told_with_the_file_s_reason():
-    band = Multispectral(
+    lacking = Multispectral(
         system="sequoia", band="nir", band_name="NIR", sunshine_missing="the file has no IrradianceList"
     )
-    with pytest.raises(InputRejected, match="has no IrradianceList"):
-        measure_sunshine(band)
+    for band, reason in ((lacking, "has no IrradianceList"), (make_band(), "the list is empty")):
+        with pytest.raises(InputRejected, match=reason):
+            measure_sunshine(band)
 
 
 SERIES = tuple(make_record(time_us=200_000 * n, ch0=400 + 10 * n) for n in range(5))
@@ -169,14 +151,11 @@ def test_a_single_reading_says_that_its_scatter_is_unknown():
     assert found.standard_uncertainty / found.i_ss == pytest.approx(math.hypot(0.025, rounding))
 
 
-def test_equal_counts_keep_the_whole_rounding_error():
+def test_equal_counts_keep_the_whole_rounding_error_and_noise_across_the_steps_averages_it_out():
     """Ten times 14 counts are no better known than once: 2.06 %."""
     found = measure_sunshine(make_band(*[make_record(ch0=14)] * 10))
     assert found.spread_rel == 0.0
     assert found.standard_uncertainty / found.i_ss == pytest.approx(0.02062, abs=1e-5)
-
-
-def test_noise_across_the_steps_averages_the_rounding_out():
     counts = [430 + step for step in (-3, 2, 0, 3, -1, 1, -2, 0, 2, -2)]
     found = measure_sunshine(make_band(*[make_record(ch0=count) for count in counts]))
     expected = np.std(counts, ddof=1) / np.mean(counts) / math.sqrt(10)
@@ -235,13 +214,6 @@ def test_twice_the_time_for_the_same_counts_is_half_the_light(readings, choice):
         short.standard_uncertainty / short.i_ss, rel=1e-9
     )
     assert short.standard_uncertainty > 0.0
-
-
-def test_counts_of_no_records_are_no_reading():
-    band = make_band()
-    assert isinstance(band.counts, SunshineCounts)
-    with pytest.raises(InputRejected, match="the list is empty"):
-        measure_sunshine(band)
 
 
 @pytest.mark.parametrize(("origin", "flags"), [("tag", set()), ("dls1", {"sunshine_scale_assumed"})])
