@@ -113,25 +113,9 @@ def test_a_hash_that_does_not_match(embedded, team, campaign, shots):
     check_the_next_works(embedded, team, campaign, shots)
 
 
-def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, shots):
+def test_a_service_killed_in_the_middle_of_two_uploads(embedded, team, campaign, shots, tmp_path):
+    """The client goes on where it was; of bytes without a client what was written is swept after a day."""
     before = files(embedded.blobs)
-    with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
-        embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
-        embedded.kill("service")
-    (left,) = half_written(embedded, before)
-    assert files(embedded.blobs) == sorted([*before, left])
-    embedded.wait_until(embedded.serves)
-    assert known(embedded, campaign) == (0, False)
-    # What nobody has written to for a day is removed; a worker begins with that.
-    long_ago = left.stat().st_mtime - 2 * 24 * 3600
-    os.utime(left, (long_ago, long_ago))
-    embedded.kill("worker")
-    embedded.wait_until(lambda: not half_written(embedded, before))
-    assert files(embedded.blobs) == before
-    check_the_next_works(embedded, team, campaign, shots)
-
-
-def test_the_client_goes_on_where_a_killed_service_was(embedded, team, campaign, tmp_path):
     path = tmp_path / "frame.DNG"
     path.write_bytes(campaign.id.encode() * 400_000)
     sent = []
@@ -143,14 +127,22 @@ def test_the_client_goes_on_where_a_killed_service_was(embedded, team, campaign,
             time.sleep(1)
             embedded.kill("service")
 
-    before = files(embedded.blobs)
-    frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
+    with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
+        embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
+        frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
     assert sent == sorted(sent) or min(sent[8:]) > MEGABYTE
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert known(embedded, campaign, frame.sha256) == (1, True)
-    assert not half_written(embedded, before)
     (job,) = embedded.wait_for_jobs([frame.id])
     assert (job.state, job.error["code"]) == ("failed", "not_a_raw_file")
+    (left,) = half_written(embedded, before)
+    assert {each.name for each in set(files(embedded.blobs)) - set(before)} == {left.name, frame.sha256}
+    # What nobody has written to for a day is removed; a worker begins with that.
+    long_ago = left.stat().st_mtime - 2 * 24 * 3600
+    os.utime(left, (long_ago, long_ago))
+    embedded.kill("worker")
+    embedded.wait_until(lambda: not half_written(embedded, before))
+    check_the_next_works(embedded, team, campaign, shots)
 
 
 def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_path):
