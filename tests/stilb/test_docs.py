@@ -1,7 +1,6 @@
 """What the page on the client prints works, word for word, on a running service."""
 
 import doctest
-import os
 import re
 import subprocess
 import sys
@@ -55,20 +54,11 @@ def test_examples_in_python_are_typed(tmp_path):
     examples = doctest.DocTestParser().get_examples("\n".join([*readme, *SESSION]))
     boards = read_blocks("docs/dashboards.md", "python")
     path = tmp_path / "examples.py"
-    path.write_text("\n".join([*(each.source for each in examples), CALIBRATE, VIGNETTING, *boards]))
-    options = [
-        "--strict",
-        "--config-file=",
-        *(f"--disable-error-code=import-{each}" for each in ("not-found", "untyped")),
-    ]
-    typed = subprocess.run(
-        [sys.executable, "-m", "mypy", *options, "--cache-dir", ROOT / ".mypy_cache/examples", path],
-        check=False,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"MYPYPATH": str(ROOT)},
-    )
+    # as strict as `make lint`, which has read the client before
+    lax = '# mypy: disable-error-code="import-not-found, import-untyped"'
+    path.write_text("\n".join([lax, *(each.source for each in examples), CALIBRATE, VIGNETTING, *boards]))
+    command = [sys.executable, "-m", "mypy", path]
+    typed = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True)
     assert typed.returncode == 0, typed.stdout
 
 
