@@ -117,33 +117,35 @@ def test_another_camera_is_refused_with_both_names(change, word):
     assert "DJI FC6520, serial number 0AB12" in refusal.message
 
 
-def test_blanks_case_and_zero_bytes_make_no_other_camera():
-    assert accept(make="dji ", model="FC6520\0\0", serial=" 0ab12").flags == ()
-
-
-def test_what_the_file_does_not_say_is_no_reason_to_refuse():
-    assert accept(make=None, model="", serial=" \0").flags == ("serial_unknown",)
+NO_BLACK = {"black_level_dn": (0.0,) * 4, "black_level_origin": "default"}
+AUTOMATIC = ("exposure_not_manual",)
 
 
 @pytest.mark.parametrize(
-    ("mode", "program", "flagged"),
+    ("changes", "flags"),
     [
-        ("manual", "program", False),
-        ("auto", "manual", True),
-        ("bracket", None, True),
-        (None, "aperture_priority", True),
-        (None, "manual", False),
-        (None, "not_defined", False),
-        (None, None, False),
+        ({"make": "dji ", "model": "FC6520\0\0", "serial": " 0ab12"}, ()),
+        ({"make": None, "model": "", "serial": " \0"}, ("serial_unknown",)),
+        ({"exposure_mode": "manual", "exposure_program": "program"}, ()),
+        ({"exposure_mode": "auto", "exposure_program": "manual"}, AUTOMATIC),
+        ({"exposure_mode": "bracket"}, AUTOMATIC),
+        ({"exposure_mode": None, "exposure_program": "aperture_priority"}, AUTOMATIC),
+        *(
+            ({"exposure_mode": None, "exposure_program": each}, ())
+            for each in ("manual", "not_defined", None)
+        ),
+        ({"rendered": True}, ("rendered",)),
+        *(
+            ({"role": "chart", "container": each, "rendered": True}, ("rendered",))
+            for each in ("jpeg", "png")
+        ),
+        (NO_BLACK, (shared.BLACK_LEVEL_ASSUMED,)),
+        (NO_BLACK | {"rendered": True}, (shared.RENDERED,)),
+        ({"black_level_dn": (0.0,) * 4}, ()),
     ],
 )
-def test_automatic_exposure_is_flagged(mode, program, flagged):
-    flags = accept(exposure_mode=mode, exposure_program=program).flags
-    assert flags == (("exposure_not_manual",) if flagged else ())
-
-
-def test_a_rendered_image_is_flagged():
-    assert accept(rendered=True).flags == ("rendered",)
+def test_what_is_flagged_of_a_frame_that_is_taken(changes, flags):
+    assert accept(**changes).flags == flags
 
 
 @pytest.mark.parametrize("container", ["jpeg", "png"])
@@ -153,15 +155,3 @@ def test_a_picture_is_refused_wherever_light_is_measured(container, role):
     assert refusal.code is files.NOT_A_RAW_FILE
     assert f"{container.upper()} picture" in refusal.message
     assert refusal.message.endswith("Send the camera's raw file (DNG), or a TIFF.")
-
-
-@pytest.mark.parametrize("container", ["jpeg", "png"])
-def test_a_picture_of_a_chart_is_accepted_and_said_to_be_one(container):
-    assert accept("chart", container=container, rendered=True).flags == ("rendered",)
-
-
-def test_a_raw_file_without_black_level_is_flagged():
-    missing = {"black_level_dn": (0.0,) * 4, "black_level_origin": "default"}
-    assert accept(**missing).flags == (shared.BLACK_LEVEL_ASSUMED,)
-    assert accept(**missing, rendered=True).flags == (shared.RENDERED,)
-    assert accept(black_level_dn=(0.0,) * 4).flags == ()

@@ -41,14 +41,9 @@ def test_by_hand():
     assert (row.n, row.min_dn, row.max_dn, row.mean_dn, row.median_dn) == (4, 1, 7, 4.0, 4.0)
     assert row.std_dn == math.sqrt((9 + 0 + 0 + 9) / 3)
     assert (row.saturated_share, row.zero_share) == (0.25, 0.0)
-
-
-def test_even_count_takes_the_mean_of_the_middle_two():
+    # an even count takes the mean of the middle two, and a single sample has no spread
     row = by_channel(frame([[0, 2, 5, 9]], cfa="grey"))["grey"]
     assert (row.median_dn, row.zero_share) == (3.5, 0.25)
-
-
-def test_a_single_sample_has_no_spread():
     assert by_channel(frame([[9]], cfa="grey"))["grey"].std_dn == 0.0
 
 
@@ -78,13 +73,11 @@ def test_levels_follow_their_site():
     assert rows["grey"].white_level_dn == 2.0
 
 
-def test_a_fractional_white_level_is_reached_by_the_next_number():
-    row = by_channel(frame([[6, 7, 8, 9]], cfa="grey", white=(7.25,)))["grey"]
-    assert row.saturated_share == 0.5
-
-
-def test_a_white_level_that_no_sample_can_reach():
-    assert by_channel(frame([[65535]], cfa="grey", white=(70000.0,)))["grey"].saturated_share == 0.0
+@pytest.mark.parametrize(
+    ("samples", "white", "share"), [([[6, 7, 8, 9]], 7.25, 0.5), ([[65535]], 70000.0, 0.0)]
+)
+def test_a_fractional_white_level_is_reached_by_the_next_number_if_there_is_one(samples, white, share):
+    assert by_channel(frame(samples, cfa="grey", white=(white,)))["grey"].saturated_share == share
 
 
 def test_a_rendered_colour_image_has_one_green_and_grey_is_the_mean_of_the_three():
@@ -253,13 +246,10 @@ def raised(fit, flag):
     ("above_dn", "outcome"), [(20.0, None), (21.0, "warn"), (200.0, "warn"), (201.0, "fail")]
 )
 def test_the_limits_lie_where_they_are_said_to_lie(above_dn, outcome):
-    """Of a span of 4000 DN half a per cent is 20, five are 200."""
+    """Of a span of 4000 DN half a per cent is 20, five are 200; a black level of zero states none."""
     found = inspect_black(256.0 + above_dn, black_level_dn=256.0, white_level_dn=4256.0)
     assert (found.outcome if found else None) == outcome
-
-
-def test_a_file_that_states_no_black_level_is_not_judged_by_it():
-    assert inspect_black(900.0, black_level_dn=0.0, white_level_dn=4000.0) is None
+    assert inspect_black(256.0 + above_dn, black_level_dn=0.0, white_level_dn=4256.0) is None
 
 
 @pytest.mark.parametrize(("by_dn", "names"), [(10, 0), (20, 1)])
@@ -290,22 +280,7 @@ def test_lit_dark_frames_of_a_falloff(black_level_dn, flagged):
     """At 956 DN the falloff would come out twice as large, with a small uncertainty."""
     lens = change(flats.SMALL, falloffs={4.0: flats.SMALL.lens.falloffs[4.0]})
     bright = change(lens, black_level_dn=black_level_dn)
-    stated = flats.dark(lens, 1)
-    darks = [flats.dark(bright, seed, name=f"dark-{seed}") for seed in (2, 3)]
-    levels = [channel.black_level_dn for channel in stated.features.channels]
-    darks = [
-        replace(
-            each,
-            features=replace(
-                each.features,
-                channels=tuple(
-                    replace(channel, black_level_dn=level)
-                    for channel, level in zip(each.features.channels, levels, strict=True)
-                ),
-            ),
-        )
-        for each in darks
-    ]
+    darks = [flats.state_black(flats.dark(bright, seed, name=f"dark-{seed}"), 256.0) for seed in (2, 3)]
     fit = vignetting.fit([flats.flat(lens, 1, 4.0), *darks], flats.NONE)
     found = raised(fit, "dark_not_dark")
     assert [each.where for each in found] == (["iso 100"] if flagged else [])

@@ -1,5 +1,7 @@
 """Simulated flats, as rows of a campaign; and blocks of light without noise."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from radiometry.fitting.evidence import Region
@@ -49,6 +51,12 @@ def surface(share=0.7, **changes):
 def dark(lens, seed, *, name="dark", time_s=0.01, iso=100.0):
     shot = take(lens, plan_dark(name=name, iso=iso), np.random.default_rng(seed))
     return row(shot, exposure=Exposure(exposure_time_s=time_s, f_number=8.0, iso=iso))
+
+
+def state_black(row, black_level_dn):
+    """The same frame, of which the file states another black level."""
+    channels = tuple(replace(each, black_level_dn=black_level_dn) for each in row.features.channels)
+    return replace(row, features=replace(row.features, channels=channels))
 
 
 def flags_of(raised):

@@ -28,6 +28,7 @@ from tests.radiometry.vignetting.flats import (
     flat,
     grid_of,
     row,
+    state_black,
     surface,
 )
 
@@ -319,15 +320,7 @@ def test_frames_of_one_f_number_are_merged_whatever_their_level():
 def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
     lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     shots = [flat(lens, 1), *(dark(lens, seed, name=f"dark-{seed}") for seed in (2, 3, 4))]
-    wrong = [
-        replace(
-            each,
-            features=replace(
-                each.features, channels=tuple(replace(c, black_level_dn=0.0) for c in each.features.channels)
-            ),
-        )
-        for each in shots
-    ]
+    wrong = [state_black(each, 0.0) for each in shots]
     with_darks, without = vignetting.fit(wrong, NONE), vignetting.fit(wrong[:1], NONE)
     truth = true_corner(lens, 1.4)
     found = of(with_darks, 1.4).coefficient
