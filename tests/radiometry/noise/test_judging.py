@@ -29,20 +29,16 @@ def verdicts(rows):
     }
 
 
-def test_good_pairs_pass_and_white_ones_say_so(rows):
+def test_good_pairs_pass_and_white_frames_alone_copies_and_lit_darks_say_so(rows):
     found = verdicts(rows)
     assert found["flat-100-0.1-0"] == found["dark-100-0.1-1"] == ("pass", [])
     assert found["flat-100-2-0"] == ("warn", ["clipped"])
-
-
-def test_a_frame_alone_is_told_to_be_taken_again(rows):
-    found = verdicts([row for row in rows if row.frame != "flat-100-0.3-1"])
-    assert found["flat-100-0.3-0"] == ("warn", ["unpaired"])
-
-
-def test_a_copy_fails(rows):
+    alone = verdicts([row for row in rows if row.frame != "flat-100-0.3-1"])
+    assert alone["flat-100-0.3-0"] == ("warn", ["unpaired"])
     copy = replace(rows[0], frame="zz")
     assert verdicts([*rows, copy])["zz"] == ("fail", ["redundant"])
+    lit = [replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows]
+    assert verdicts(lit)["flat-100-0.3-0"] == ("fail", ["dark_not_dark"])
 
 
 def brighten(row, factor):
@@ -58,8 +54,3 @@ def test_light_that_drifts_between_frames_is_told(rows, factor, outcome):
     found = verdicts(changed)
     assert found["flat-100-0.1-0"][0] == found["flat-100-0.1-1"][0] == outcome
     assert ("pair_drift" in found["flat-100-0.1-0"][1]) is (outcome != "pass")
-
-
-def test_a_dark_frame_that_saw_light_fails(rows):
-    lit = [replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows]
-    assert verdicts(lit)["flat-100-0.3-0"] == ("fail", ["dark_not_dark"])
