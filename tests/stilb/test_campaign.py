@@ -34,7 +34,7 @@ def handful(tmp_path, shots):
     return folder
 
 
-def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
+def test_from_card_to_draft_to_what_is_in_force_and_once_more_changes_nothing(signed_in, card, team):
     ended = signed_in("campaign", "run", card, "--json")
     assert ended.code == Exit.DONE, ended.err
     draft = ended.json["calibration"]
@@ -47,6 +47,10 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     assert abs(k["value"] - K_TRUE) <= 3 * k["standard_uncertainty"]
     meters = {reading["meter_id"] for reading in team.client.readings(ended.json["campaign_id"])}
     assert meters == {meter.id for meter in team.client.meters()}
+    again = signed_in("campaign", "run", card, "--json").json
+    assert (ended.json["sent"], again["sent"], again["calibration"]["id"]) == (10, 0, draft["id"])
+    assert len(list(team.client.campaigns())) == 1
+    assert len(list(team.client.readings(ended.json["campaign_id"]))) == 2 * len(LEVELS)
     publish = ("publish", draft["id"], "--from", "2026-05-01", "--reason", "spring")
     dry = signed_in(*publish, "--dry-run")
     assert "Nothing is in force then" in dry.out
@@ -70,15 +74,6 @@ def test_lamp_is_a_name_or_a_file(handful):
     plan = read_plan(handful)
     assert plan.campaign["lamp"] == "380,1\n780,1\n"
     assert plan.campaign["camera_response"] == "Nikon D5100"
-
-
-def test_once_more_changes_nothing(signed_in, card, team):
-    first = signed_in("campaign", "run", card, "--json").json
-    again = signed_in("campaign", "run", card, "--json").json
-    assert (first["sent"], again["sent"]) == (10, 0)
-    assert again["calibration"]["id"] == first["calibration"]["id"]
-    assert len(list(team.client.campaigns())) == 1
-    assert len(list(team.client.readings(first["campaign_id"]))) == 2 * len(LEVELS)
 
 
 def test_corrected_readings_take_the_place_of_the_others(signed_in, handful, team):
@@ -195,7 +190,9 @@ def test_everything_that_is_commented_out_in_a_template_can_be_used(signed_in, t
     assert {rule.role for rule in plan.rules} <= set(ROLES)
 
 
-def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
+def test_a_plan_that_is_not_there_and_a_method_that_is_not_known_are_named(signed_in, tmp_path):
+    ended = signed_in("campaign", "run", tmp_path)
+    assert (ended.code, f"stilb campaign init {tmp_path}" in ended.err) == (Exit.USAGE, True)
     ended = signed_in("campaign", "init", tmp_path, "--method", "colour")
     assert (ended.code, (tmp_path / "campaign.toml").exists()) == (Exit.USAGE, False)
     assert "luminance, reflectance" in " ".join(ended.err.split())
@@ -248,12 +245,6 @@ def test_the_table_that_the_page_prints_names_these_files(handful):
     rule = read_plan(handful).rules[-1]
     assert (rule.role, rule.scene) == ("light", "level-1")
     assert [rule.match(f"100/DJI_00{number}.DNG") for number in ("12", "13")] == [{}, None]
-
-
-def test_a_plan_that_is_not_there(signed_in, tmp_path):
-    ended = signed_in("campaign", "run", tmp_path)
-    assert ended.code == Exit.USAGE
-    assert f"stilb campaign init {tmp_path}" in ended.err
 
 
 def test_campaigns_are_listed(signed_in, team):

@@ -52,16 +52,6 @@ def uploads(live, monkeypatch):
     return counts
 
 
-def test_a_folder_goes_over_and_is_told_in_one_line(signed_in, campaign, card, team):
-    """Roles and scenes follow from its folders."""
-    ended = signed_in("push", card, "--campaign", campaign.id)
-    assert ended.code == Exit.DONE, ended.err
-    assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
-    said = Counter((frame.role, frame.scene) for frame in team.client.frames(campaign.id))
-    lights = {("light", f"level-{n}"): 2 for n in (1, 2, 3, 4)}
-    assert said == {("dark", None): 2, **lights}
-
-
 def test_reasons_are_told_file_by_file(signed_in, campaign, card):
     clipped = write_frame(card / "level-1" / "clipped.DNG", signal_dn=9000.0)
     (card / "level-9").mkdir()
@@ -163,7 +153,8 @@ def _refusing(bad):
     return digest
 
 
-def test_a_connection_that_is_cut_is_taken_up_again(stilb_command, team, campaign, card):
+def test_a_folder_goes_over_and_a_cut_connection_is_taken_up_again(stilb_command, team, campaign, card):
+    """It is told in one line; roles and scenes follow from its folders."""
     with line_to(team.url) as line:
         assert stilb_command("login", line.url, "--key", team.key).code == Exit.DONE
         line.cut_after = 30_000
@@ -172,6 +163,9 @@ def test_a_connection_that_is_cut_is_taken_up_again(stilb_command, team, campaig
     assert ended.code == Exit.DONE, ended.err
     assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
     assert "; retry in 1 s" in ended.err
+    said = Counter((frame.role, frame.scene) for frame in team.client.frames(campaign.id))
+    lights = {("light", f"level-{n}"): 2 for n in (1, 2, 3, 4)}
+    assert said == {("dark", None): 2, **lights}
 
 
 def test_killed_in_the_middle_it_goes_on_and_sends_nothing_twice(signed_in, campaign, card, team, live):
@@ -219,61 +213,46 @@ async def _hang(receive):
         pass
 
 
-def test_an_unknown_campaign(signed_in, card):
-    ended = signed_in("push", card, "--campaign", "P-99", "--json")
-    assert (ended.code, ended.json["error"]["code"]) == (Exit.NOT_FOUND, "not_found")
-    assert "stilb campaign list" in ended.err
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("--campaign", "P-99"), Exit.NOT_FOUND, "stilb campaign list"),
+        ((), Exit.USAGE, "stilb campaign init"),
+        (
+            ("--campaign", "c", "--role", "bright"),
+            Exit.USAGE,
+            "'bright' is not a role; use one of light, dark",
+        ),
+        (("--campaign", "c", "--scene", "level-1"), Exit.USAGE, "--scene needs --role"),
+        (
+            ("--campaign", "c", "--url", "http://127.0.0.1:9", "--key", "k"),
+            Exit.NETWORK,
+            "run this again: it continues",
+        ),
+    ],
+)
+def test_a_push_that_cannot_begin_says_why(signed_in, card, monkeypatch, arguments, code, said):
+    monkeypatch.setattr("stilb.transport._LONGEST_PAUSE_S", 0.01)
+    ended = signed_in("push", card, *arguments)
+    assert (ended.code, ended.out) == (code, "")
+    assert said in " ".join(ended.err.split())
 
 
-def test_a_campaign_by_its_project_number(signed_in, team, card):
+def test_a_campaign_by_its_project_number(signed_in, team, card, tmp_path):
     camera = team.client.find_camera(team.campaign().raw["camera_id"])
     named = team.client.create_campaign(camera.id, project_number="P-17")
+    (tmp_path / "empty").mkdir()
+    ended = signed_in("push", tmp_path / "empty", "--campaign", "P-17")
+    assert (ended.code, "It contains no raw files" in ended.err) == (Exit.USAGE, True)
     told = signed_in("push", card, "--campaign", "P-17", "--no-wait", "--json").json
     assert told["campaign_id"] == named.id
     team.client.create_campaign(camera.id, project_number="P-17")
     ended = signed_in("push", card, "--campaign", "P-17")
     assert ended.code == Exit.USAGE
     assert named.id in ended.err
-
-
-def test_a_service_that_went_away(signed_in, card, monkeypatch):
-    monkeypatch.setattr("stilb.transport._LONGEST_PAUSE_S", 0.01)
-    ended = signed_in("push", card, "--campaign", "c", "--url", "http://127.0.0.1:9", "--key", "k")
-    assert (ended.code, ended.out) == (Exit.NETWORK, "")
-    assert "run this again: it continues" in ended.err
-
-
-def test_without_campaign_or_plan(signed_in, card):
-    ended = signed_in("push", card)
-    assert ended.code == Exit.USAGE
-    assert "stilb campaign init" in ended.err
-
-
-def test_a_plan_whose_campaign_nobody_made(signed_in, card):
     write_plan(card)
     ended = signed_in("push", card)
-    assert ended.code == Exit.NOT_FOUND
-    assert "stilb campaign run" in ended.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--role", "bright"), "'bright' is not a role; use one of light, dark"),
-        (("--scene", "level-1"), "--scene needs --role"),
-    ],
-)
-def test_options_that_say_nothing(signed_in, card, arguments, message):
-    ended = signed_in("push", card, "--campaign", "c", *arguments)
-    assert ended.code == Exit.USAGE
-    assert message in " ".join(ended.err.split())
-
-
-def test_an_empty_folder(signed_in, campaign, tmp_path):
-    (tmp_path / "card").mkdir()
-    ended = signed_in("push", tmp_path / "card", "--campaign", campaign.id)
-    assert ended.code == Exit.USAGE
-    assert "It contains no raw files" in ended.err
+    assert (ended.code, "stilb campaign run" in ended.err) == (Exit.NOT_FOUND, True)
 
 
 def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, monkeypatch, uploads):
