@@ -290,8 +290,12 @@ def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
 
 
 @pytest.mark.usefixtures("version")
-def test_a_map_that_the_disk_lost_is_made_again_by_measuring_the_same_again(house):
+def test_a_map_that_is_not_there_or_lost_is_made_by_measuring_again(house):
     frame = field_frame(house, field_campaign(house))
+    bare = measure(house, frame)
+    assert "map_tif" not in bare["links"]
+    problem = house.get(f"/v1/measurements/{bare['id']}/map.tif", status=404)
+    assert '"products": ["map"]' in problem["detail"]
     found = measure(house, frame, products=["map"])
     address = found["links"]["map_tif"]
     before = house.http.get(address)
@@ -304,51 +308,34 @@ def test_a_map_that_the_disk_lost_is_made_again_by_measuring_the_same_again(hous
     assert house.http.get(address).content == before.content
 
 
-@pytest.mark.usefixtures("version")
-def test_without_a_map_its_address_says_how_to_get_one(house):
-    found = measure(house, field_frame(house, field_campaign(house)))
-    assert "map_tif" not in found["links"]
-    problem = house.get(f"/v1/measurements/{found['id']}/map.tif", status=404)
-    assert '"products": ["map"]' in problem["detail"]
-
-
 def test_the_same_request_again_is_the_same_measurement(house, version):
-    frame = field_frame(house, field_campaign(house))
+    campaign = field_campaign(house)
+    frame = field_frame(house, campaign)
     first, again = (measure(house, frame, products=["map"]) for _ in range(2))
     other = measure(house, frame, products=["map"], reflectance=0.5)
     assert first["id"] == again["id"] != other["id"]
     assert first["content_sha256"] != other["content_sha256"]
-    listed = house.get("/v1/measurements", calibration_id=version["id"])["items"]
-    assert [row["id"] for row in listed] == [other["id"], first["id"]]
-
-
-def test_filters_of_the_list(house, version):
-    campaign = field_campaign(house)
-    found = measure(house, field_frame(house, campaign))
     for name, value in (
         ("camera_id", version["camera_id"]),
         ("campaign_id", campaign["id"]),
         ("calibration_id", version["id"]),
     ):
-        assert [row["id"] for row in house.get("/v1/measurements", **{name: value})["items"]] == [found["id"]]
+        listed = house.get("/v1/measurements", **{name: value})["items"]
+        assert [row["id"] for row in listed] == [other["id"], first["id"]]
         assert house.get("/v1/measurements", **{name: "nothing"})["items"] == []
 
 
-@pytest.mark.usefixtures("version")
-def test_an_iso_that_was_not_calibrated_is_refused_by_name(house):
+def test_an_iso_that_was_not_calibrated_and_a_frame_of_another_camera_are_refused(house, version):
     frame = field_frame(house, field_campaign(house), iso=100)
     problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=422)
     assert problem["code"] == "iso_not_calibrated"
     assert "ISO 100; this calibration holds ISO 3200, 6400" in problem["detail"]
-    assert house.get("/v1/jobs", kind="measure")["items"] == []
-
-
-def test_a_frame_of_another_camera_is_refused(house, version):
     other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "OTHER"})
     campaign = house.post("/v1/campaigns", {"camera_id": other["id"], "method": "luminance"})
     frame = field_frame(house, campaign, serial="OTHER")
     asked = {"frame_id": frame["id"], "calibration_id": version["id"], "roi": ROI}
     assert house.post("/v1/measurements", asked, status=422)["code"] == "wrong_camera"
+    assert house.get("/v1/jobs", kind="measure")["items"] == []
 
 
 def test_without_a_version_in_force_nothing_is_measured_in_silence(house, staged):
@@ -357,17 +344,13 @@ def test_without_a_version_in_force_nothing_is_measured_in_silence(house, staged
     problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
     assert problem["code"] == "no_calibration_in_force"
     assert "calibration_id" in problem["detail"]
+    draft = measure(house, frame, calibration_id=made["id"])
+    assert "calibration_not_published" in flags(draft)
     validity = IN_FORCE | {"valid_to": "2026-05-01T20:00:00Z"}  # the frame's very instant is not within
     house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
     house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
     found = measure(house, frame, calibration_id=made["id"])
     assert found["calibration"]["why"] == "version 1 was named in the request"
-
-
-def test_a_draft_may_be_named_and_is_flagged(house, staged):
-    made = staged(calibrated_campaign)
-    found = measure(house, field_frame(house, field_campaign(house)), calibration_id=made["id"])
-    assert "calibration_not_published" in flags(found)
 
 
 def test_what_becomes_of_the_version_is_told_with_every_measurement(house, version):
