@@ -17,14 +17,6 @@ def failed_job(house):
     return frame
 
 
-def test_a_job_names_the_frame_and_the_campaign_that_it_is_about(house):
-    frame = failed_job(house)
-    job = house.get(f"/v1/jobs/{frame['job_id']}")
-    assert (job["filename"], job["campaign_id"]) == ("DJI_0001.DNG", frame["campaign_id"])
-    (listed,) = house.get("/v1/jobs")["items"]
-    assert listed == job
-
-
 def test_a_request_keeps_the_id_that_it_brings_and_gets_one_in_place_of_an_odd_one(house):
     for given, kept in (("proxy-1", "proxy-1"), ("two words", "req_")):
         answered = house.http.get("/v1/jobs", headers={"X-Request-ID": given}).headers["x-request-id"]
@@ -53,43 +45,34 @@ def test_the_summary_counts_by_state_and_tells_the_oldest_wait(house, stranger, 
     assert stranger.get("/v1/jobs/summary").json()["queued"] == 0
 
 
-def test_a_failed_job_is_tried_again_and_the_trail_says_by_whom(house):
+def test_only_what_was_given_up_is_tried_again_and_the_trail_says_by_whom(house):
+    """It names its frame and its campaign, and needs the scope that starting it needed."""
     frame = failed_job(house)
     address = f"/v1/jobs/{frame['job_id']}"
+    job = house.get(address)
+    assert (job["filename"], job["campaign_id"]) == ("DJI_0001.DNG", frame["campaign_id"])
+    assert house.get("/v1/jobs")["items"] == [job]
+    made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
+    with house.with_key(made["secret"]) as client:
+        answer = client.post(f"{address}/retry")
+    assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
+    assert "'upload'" in answer.json()["detail"]
     answer = house.http.post(f"{address}/retry")
     assert (answer.status_code, answer.headers["location"]) == (202, address)
     assert (answer.json()["state"], answer.json()["attempt"]) == ("queued", 0)
     assert "error" not in answer.json()
+    answer = house.http.post(f"{address}/retry")
+    assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
+    assert "is queued" in answer.json()["detail"]
     (entry,) = house.get("/v1/audit", subject_id=frame["job_id"])["items"]
     assert (entry["action"], entry["after"]) == ("job.retry", {"state": "queued"})
     assert entry["before"]["error"]["code"] == "not_a_raw_file"
     assert entry["actor"].startswith("key_")
     assert house.work() == 1
     assert house.get(address)["state"] == "failed"
-
-
-def test_a_quarantined_job_is_tried_again(house):
-    frame = failed_job(house)
     with house.database.writing("test") as session:
         session.execute(update(Job).values(state="quarantined", lost=3))
-    assert house.http.post(f"/v1/jobs/{frame['job_id']}/retry").status_code == 202
-
-
-def test_only_what_was_given_up_is_tried_again(house):
-    frame = house.upload(house.campaign(), b"waits", role="light")
-    answer = house.http.post(f"/v1/jobs/{frame['job_id']}/retry")
-    assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
-    assert "is queued" in answer.json()["detail"]
-    assert house.get("/v1/audit", subject_id=frame["job_id"])["items"] == []
-
-
-def test_trying_again_needs_the_scope_that_starting_needed(house):
-    frame = failed_job(house)
-    made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
-    with house.with_key(made["secret"]) as client:
-        answer = client.post(f"/v1/jobs/{frame['job_id']}/retry")
-    assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
-    assert "'upload'" in answer.json()["detail"]
+    assert house.http.post(f"{address}/retry").status_code == 202
 
 
 def retry(house, status=202, **chosen):
@@ -103,6 +86,11 @@ def test_all_jobs_that_failed_are_tried_again_at_once_and_the_trail_says_by_whom
     for other in ({"state": "quarantined"}, {"state": "failed", "kind": "fit"}):
         assert retry(house, **other) == {"retried": 0}
     assert retry(house, state="failed", code="truncated") == {"retried": 0}
+    other = house.upload(house.campaign(), b"none either", role="light")
+    house.work()
+    assert retry(house, 404, state="failed", campaign_id="cmp_none")["code"] == "not_found"
+    for chosen in ({}, {"state": "succeeded"}):
+        assert retry(house, 422, **chosen)["code"] == "validation_failed"
     assert stranger.post("/v1/jobs/retry", json={"state": "failed"}).json() == {"retried": 0}
     chosen = {"state": "failed", "kind": "extract", "code": "not_a_raw_file", "campaign_id": campaign["id"]}
     assert retry(house, **chosen) == {"retried": 5}
@@ -112,29 +100,10 @@ def test_all_jobs_that_failed_are_tried_again_at_once_and_the_trail_says_by_whom
     assert (entry["before"], entry["after"]) == (chosen, {"state": "queued", "jobs": 5})
     assert entry["actor"].startswith("key_")
     assert house.work() == len(frames)
+    assert retry(house, state="failed", campaign_id=other["campaign_id"]) == {"retried": 1}
 
 
-def test_only_the_campaigns_own_jobs_are_tried_again(house):
-    one, other = house.campaign(), house.campaign()
-    house.upload(one, b"no raw file", role="light")
-    house.upload(other, b"none either", role="light")
-    house.work()
-    assert retry(house, state="failed", campaign_id=other["id"]) == {"retried": 1}
-    assert retry(house, 404, state="failed", campaign_id="cmp_none")["code"] == "not_found"
-
-
-def test_a_repeated_request_to_try_again_answers_the_same(house):
-    failed_job(house)
-    headers = {"Idempotency-Key": "again"}
-    first = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
-    house.work()
-    second = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
-    assert (first.json(), second.json()) == ({"retried": 1}, {"retried": 1})
-    assert second.headers["idempotent-replayed"] == "true"
-    assert house.get("/v1/jobs/summary")["failed"] == 1
-
-
-def test_trying_many_again_needs_every_scope_that_starting_them_needed(house):
+def test_trying_many_again_needs_every_scope_that_starting_them_needed_and_repeated_answers_the_same(house):
     failed_job(house)
     made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
     with house.with_key(made["secret"]) as client:
@@ -142,11 +111,13 @@ def test_trying_many_again_needs_every_scope_that_starting_them_needed(house):
         assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
         assert client.post("/v1/jobs/retry", json={"state": "failed", "kind": "fit"}).status_code == 202
     assert house.get("/v1/jobs/summary")["failed"] == 1
-
-
-def test_what_is_tried_again_has_to_be_chosen(house):
-    assert retry(house, 422)["code"] == "validation_failed"
-    assert retry(house, 422, state="succeeded")["code"] == "validation_failed"
+    headers = {"Idempotency-Key": "again"}
+    first = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
+    house.work()
+    second = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
+    assert (first.json(), second.json()) == ({"retried": 1}, {"retried": 1})
+    assert second.headers["idempotent-replayed"] == "true"
+    assert house.get("/v1/jobs/summary")["failed"] == 1
 
 
 def test_failures_are_grouped_by_cause_and_dismissed_until_they_are_tried_again(house, stranger):
