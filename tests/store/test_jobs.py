@@ -224,14 +224,21 @@ def test_what_waited_for_a_dependency_is_due_when_it_is_back(database, organisat
     assert (again.attempt, again.faulty_since is None) == (2, False)
 
 
-def test_the_oldest_wait(database, organisation_id):
+def test_the_oldest_wait_of_all_and_of_one_organisation(database, organisation_id):
     with database.reading() as session:
         assert oldest_wait_s(session) == 0.0
-    add(database, organisation_id)
+    job_id = add(database, organisation_id)
     with database.writing("test") as session:
-        session.execute(update(Job).values(due_at=utc_now() - timedelta(seconds=90)))
-    with database.reading() as session:
+        other = Organisation(name="another")
+        session.add(other)
+        session.flush()
+        jobs.enqueue(
+            session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
+        )
+        session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
         assert 90 <= oldest_wait_s(session) < 180
+        assert 90 <= oldest_wait_s(session, organisation_id) < 180
+        assert oldest_wait_s(session, other.id) < 60
 
 
 def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
@@ -247,28 +254,16 @@ def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
     assert claim(database).fence == held.fence + 1
 
 
-@pytest.mark.parametrize("stands", ["queued", "running", "succeeded"])
-def test_a_job_that_goes_on_or_is_done_is_not_tried_again(database, job_id, stands):
-    if stands != "queued":
-        held = claim(database)
-    with database.writing("test") as session:
-        if stands == "succeeded":
-            jobs.succeed(session, held, {})
-        assert jobs.retry(session, Job.id == job_id) == 0
-    assert state(database, job_id).state == stands
-
-
-def test_the_oldest_wait_of_one_organisation_is_its_own(database, job_id, organisation_id):
-    with database.writing("test") as session:
-        other = Organisation(name="another")
-        session.add(other)
-        session.flush()
-        jobs.enqueue(
-            session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
-        )
-        session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
-        assert 90 <= oldest_wait_s(session, organisation_id) < 180
-        assert oldest_wait_s(session, other.id) < 60
+def test_a_job_that_goes_on_or_is_done_is_not_tried_again(database, job_id):
+    held = None
+    for stands in ("queued", "running", "succeeded"):
+        if stands == "running":
+            held = claim(database)
+        with database.writing("test") as session:
+            if stands == "succeeded":
+                jobs.succeed(session, held, {})
+            assert jobs.retry(session, Job.id == job_id) == 0
+        assert state(database, job_id).state == stands
 
 
 @pytest.mark.parametrize("few", [500, -1])
