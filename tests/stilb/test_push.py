@@ -239,6 +239,9 @@ def test_a_push_that_cannot_begin_says_why(signed_in, card, monkeypatch, argumen
 
 
 def test_a_campaign_by_its_project_number(signed_in, team, card, tmp_path):
+    write_plan(card)
+    ended = signed_in("push", card)
+    assert (ended.code, "stilb campaign run" in ended.err) == (Exit.NOT_FOUND, True)
     camera = team.client.find_camera(team.campaign().raw["camera_id"])
     named = team.client.create_campaign(camera.id, project_number="P-17")
     (tmp_path / "empty").mkdir()
@@ -250,9 +253,6 @@ def test_a_campaign_by_its_project_number(signed_in, team, card, tmp_path):
     ended = signed_in("push", card, "--campaign", "P-17")
     assert ended.code == Exit.USAGE
     assert named.id in ended.err
-    write_plan(card)
-    ended = signed_in("push", card)
-    assert (ended.code, "stilb campaign run" in ended.err) == (Exit.NOT_FOUND, True)
 
 
 def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, monkeypatch, uploads):
