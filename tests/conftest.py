@@ -94,8 +94,9 @@ def pytest_sessionfinish(session):
 def pytest_collection_modifyitems(items):
     """Mark the tests of `make quick`, and keep of each test marked `either_database` the run on one database.
 
-    Which database, the module's name decides: half of the modules run on SQLite and half on PostgreSQL, and
-    what the tests of a module share is made once.
+    Both databases are for what each does in its own way: locks and what runs at once, migrations, plans,
+    types and limits of columns. For a test of anything else the module's name decides: half of the modules
+    run on SQLite and half on PostgreSQL, and what the tests of a module share is made once.
     """
     slow = set(SLOW.read_text().split())
     for item in items:
