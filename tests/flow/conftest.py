@@ -33,6 +33,11 @@ def shots(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def shots_of_one_iso(shots):
+    return shots[: len(shots) // 2]
+
+
+@pytest.fixture(scope="session")
 def quiet_figures(embedded, shots):
     """What comes of the campaign when nothing disturbs: all other ways must end the same, to the last bit."""
     with embedded.team() as team:

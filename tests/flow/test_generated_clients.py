@@ -57,7 +57,7 @@ def run_page(language, files, url, folder, *tools):
     part = PAGE.partition(f"\n## {language}\n")[2].partition("\n## ")[0]
     blocks = dict(re.findall(r"^```(\w+)\n(.*?)^```", part, re.MULTILINE | re.DOTALL))
     assert blocks.keys() == {"sh", *files}
-    write_field_folder(folder)
+    write_field_folder(folder, isos=ISOS[:1])
     for kind, name in files.items():
         (folder / name).write_text(blocks[kind], encoding="utf-8")
     path = os.pathsep.join([*map(str, tools), str(Path(sys.executable).parent), os.environ["PATH"]])
@@ -78,7 +78,7 @@ def run_client(deployment, language, files, folder, *tools):
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert "warning" not in (done.stdout + done.stderr).lower()
     rows = [line.split() for line in done.stdout.splitlines() if line.startswith("luminance_k ")]
-    assert [float(row[1]) for row in rows] == list(ISOS)
+    assert [float(row[1]) for row in rows] == [ISOS[0]]
     assert all(abs(float(k) - K_TRUE) <= 3 * float(u) for _, _, k, u, _ in rows)
 
 

@@ -11,13 +11,13 @@ def read_lines(path, message, begin=0):
     return [line for line in lines if line["message"] == message]
 
 
-def test_each_request_leads_to_its_version_in_the_logs(embedded, shots):
+def test_each_request_leads_to_its_version_in_the_logs(embedded, shots_of_one_iso):
     """X-Request-ID, then the line of the service with its job, then that of the worker with its version."""
     service, worker = (embedded.logs / f"{name}.log" for name in ("service", "worker"))
     begin = len(worker.read_text())
     with embedded.team() as team, team.http() as http:
         campaign = team.campaign()
-        frames = team.push(campaign, shots)
+        frames = team.push(campaign, shots_of_one_iso)
         embedded.wait_for_jobs([frame.id for frame in frames])
         asked = {}
         for number in range(FITS):

@@ -28,7 +28,7 @@ SERIES = "exposure_time_s,f_number,R,G,B\n" + "".join(
 def field(installed, tmp_path_factory):
     """A checkout with the folder of docs/http.md and both wheels in it."""
     folder = tmp_path_factory.mktemp("field")
-    write_field_folder(folder, shape=SHAPE)
+    write_field_folder(folder, isos=ISOS[:1], shape=SHAPE)
     copied = next((folder / "dark").iterdir())
     copied.rename(copied.with_name("copy of dark (1).DNG"))
     write_frame(folder / "field" / "street.DNG", signal_dn=320.0, seed=99, shape=SHAPE)
@@ -71,10 +71,10 @@ def test_every_command_from_a_first_calibration_to_its_recall(embedded, installe
     assert states == ["succeeded"] * len([*field.glob("level-*/*"), *field.glob("dark/*")])
     in_force = json.loads(said["first"][said["first"].rindex('{"items":') :])["items"]
     found = {item["iso"]: item for item in in_force if item["name"] == "luminance_k"}
-    assert sorted(found) == list(ISOS)
+    assert list(found) == [ISOS[0]]
     for item in found.values():
         assert abs(item["value"] - K_TRUE) <= 3 * item["standard_uncertainty"]
-    assert len((field / "points.csv").read_text().splitlines()) > len(ISOS) * len(LEVELS)
+    assert len((field / "points.csv").read_text().splitlines()) > len(LEVELS)
     assert ET.parse(field / "plot.svg").getroot().tag.endswith("svg")
 
     assert "succeeded" in said["events"]
@@ -104,10 +104,7 @@ def test_every_command_from_the_card_to_what_is_in_force(embedded, installed, fi
     completed, card = read_blocks("docs/command-line.md")
     shutil.copytree(field / "field", tmp_path / "card" / "field", copy_function=os.link)
     for place in (*field.glob("level-*"), field / "dark"):
-        kept = [path for path in place.iterdir() if f"-{ISOS[0]}-" in path.name]
-        (tmp_path / "card" / place.name).mkdir()
-        for path in kept:
-            (tmp_path / "card" / place.name / path.name).hardlink_to(path)
+        shutil.copytree(place, tmp_path / "card" / place.name, copy_function=os.link)
     shutil.copy(field / "readings.csv", tmp_path / "card")
     with embedded.team() as team:
         address = {"STILB": team.url, "KEY": team.key}

@@ -33,10 +33,11 @@ def overlap(one, other):
     )
 
 
-def test_four_publish_at_once(deployment, shots):
+def test_four_publish_at_once(deployment, shots_of_one_iso):
     with deployment.team() as team:
         campaign = team.campaign()
-        deployment.wait_for_jobs([frame.id for frame in team.push(campaign, shots)])
+        frames = team.push(campaign, shots_of_one_iso)
+        deployment.wait_for_jobs([frame.id for frame in frames])
         versions = make_versions(team, campaign)
         assert len(set(versions)) == VERSIONS
         at_once, ended = threading.Barrier(VERSIONS + 1), threading.Event()

@@ -22,10 +22,10 @@ class Shot:
     scene: str | None
 
 
-def write_campaign(folder: Path, **more) -> list[Shot]:
+def write_campaign(folder: Path, *, isos=ISOS, **more) -> list[Shot]:
     """The frames of `tests.support.campaigns`, as files that a client sends; ``more`` : see `write_frame`."""
     shots = []
-    for iso in ISOS:
+    for iso in isos:
         for index, (exposure_time_s, f_number) in enumerate(SETTINGS):
             scenes = {None: 0.0} | LEVELS
             for number, (scene, luminance) in enumerate(scenes.items()):
