@@ -70,30 +70,7 @@ def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(h
     assert revoke(house, first)["measurements"] == answer["measurements"]
 
 
-@pytest.mark.parametrize(("valid_from", "valid_to"), [(MAY, None), (APRIL, TAKEN)])
-def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair, valid_from, valid_to):
-    first, second = pair
-    publish(house, first)
-    measure(house, field_frame(house, first["campaign_id"]), first)
-    publish(house, second, valid_from, valid_to)
-    (touched,) = revoke(house, first)["measurements"]
-    assert "successor" not in touched
-    assert "change" not in touched
-    assert touched["why"] == "No other version is in force when the frame was taken."
-
-
-def test_a_successor_without_the_iso_has_no_figure(house, pair):
-    first, second = pair
-    publish(house, first)
-    measure(house, field_frame(house, first["campaign_id"], iso=6400), first)
-    publish(house, second)
-    (touched,) = revoke(house, first)["measurements"]
-    assert touched["successor"]["version"] == 2
-    assert "change" not in touched
-    assert "ISO 6400" in touched["why"]
-
-
-def test_nothing_in_force_says_so(house, pair):
+def test_a_successor_is_what_is_in_force_then_and_has_no_figure_without_the_iso(house, pair):
     first, second = pair
     publish(house, first)
     before = impact(house, second, at="2026-03-31T23:59:59Z")
@@ -101,6 +78,20 @@ def test_nothing_in_force_says_so(house, pair):
     assert "against" not in before
     assert before["coefficients"] == before["measurements"] == []
     assert impact(house, second, at=APRIL)["against"]["version"] == 1
+    itself = impact(house, first)
+    assert "itself is in force" in itself["said"]
+    assert {row["difference"]["value"] for row in itself["coefficients"]} == {0.0}
+    measure(house, field_frame(house, first["campaign_id"], iso=6400), first)
+    for period in ((MAY, None), (APRIL, TAKEN)):
+        publish(house, second, *period)
+        (touched,) = revoke(house, first)["measurements"]
+        assert {"successor", "change"}.isdisjoint(touched)
+        assert touched["why"] == "No other version is in force when the frame was taken."
+    publish(house, second)
+    (touched,) = revoke(house, first)["measurements"]
+    assert touched["successor"]["version"] == 2
+    assert "change" not in touched
+    assert "ISO 6400" in touched["why"]
 
 
 def test_the_impact_names_every_change(house, pair):
@@ -154,14 +145,6 @@ def test_a_meter_that_is_not_the_same_counts_in_both(house, staged, meter, said)
     k = next(row for row in found["coefficients"] if row["name"] == "luminance_k")
     u = (k["old"]["standard_uncertainty"] ** 2 + k["new"]["standard_uncertainty"] ** 2) ** 0.5
     assert k["difference"]["standard_uncertainty"] == pytest.approx(u)
-
-
-def test_a_version_in_force_changes_nothing_against_itself(house, pair):
-    first, _ = pair
-    publish(house, first)
-    found = impact(house, first)
-    assert "itself is in force" in found["said"]
-    assert {row["difference"]["value"] for row in found["coefficients"]} == {0.0}
 
 
 def test_a_cameras_decisions_tell_who_did_what_when_and_why(house, pair):
