@@ -34,7 +34,7 @@ def test_tus_js_client_goes_on_where_it_was_cut(browser, service, team, tmp_path
     campaign = team.campaign()
     metadata = {"campaign_id": campaign.id, "role": "light", "scene": "level-1", "filename": "Straße 1.DNG"}
     with line_to(service.url) as line, visit(browser, line.url) as context:
-        page = sign_in(context, team.key)
+        page = sign_in(context, team.key, at="/")
         pieces = []
         page.on("request", lambda asked: asked.method == "PATCH" and pieces.append(asked.headers))
 
