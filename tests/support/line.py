@@ -76,11 +76,13 @@ def _end(side: socket.socket) -> None:
 
 @contextmanager
 def line_to(url: str):
-    """A line to a service, as long as the block."""
+    """A line to a service, as long as the block; one that a failure left would keep pytest from ending."""
     host, port = url.removeprefix("http://").split(":")
     line = Line(host, int(port))
     thread = threading.Thread(target=line.serve)
     thread.start()
-    yield line
-    line.close()
-    thread.join()
+    try:
+        yield line
+    finally:
+        line.close()
+        thread.join()
