@@ -70,8 +70,8 @@ def evaluate_road(road: Road, points: Sequence[GridPoint], sight: Sight, *, scal
     model, *others = fit_models(places.ground, rows, patches=road.conditions.patches_u_rel)
     used, field = _solve(places, rows, model)
     solved = Solved(road, scale, points, judged, places, rows, used, field)
-    fields = [solve_field(places.ground, rows.keep(used), each) for each in others]
-    drawn = draw_figures(road, points, judged, draw_fields(fields, places=len(points), draws=DRAWS))
+    light = draw_fields(places.ground, rows.keep(used), others, places=len(points), draws=DRAWS)
+    drawn = draw_figures(road, points, judged, light)
     means = np.exp(field.mean[judged])
     weights = weigh_figures(means)
     criteria = [judge_criterion(road.requirement, each, drawn) for each in find_criteria(road.requirement)]

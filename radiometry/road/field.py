@@ -58,6 +58,25 @@ class Ground(NamedTuple):
         return Ground(self.xy_m[places], self.trend[places], self.angles[places], self.under[:, places])
 
 
+class Apart(NamedTuple):
+    """How places lie to each other, whatever the model."""
+
+    distance_m: Array  # (n, n)
+    #: Squared distances along and across, (2, n, n) each: of the places, then as they lie under each pair of
+    #: the rows nearby
+    squares_m2: tuple[Array, ...]
+    rows: int
+    trend: Array  # covariance of what follows the light of lamps that shine alike
+
+
+def measure_apart(ground: Ground) -> Apart:
+    """Measure what the covariances of all models take."""
+    pairs = [(ground.xy_m, ground.xy_m), *itertools.product(ground.under, repeat=2)]
+    squares = tuple((here.T[:, :, None] - there.T[:, None, :]) ** 2 for here, there in pairs)
+    trend = _TREND_U**2 * np.outer(ground.trend, ground.trend)
+    return Apart(np.sqrt(squares[0].sum(axis=0)), squares, len(ground.under), trend)
+
+
 class Rows(NamedTuple):
     """Observations: luminances first, then meter readings; `places` are those of the field that they see."""
 
@@ -100,72 +119,73 @@ def fit_models(ground: Ground, rows: Rows, *, patches: float) -> tuple[Model, ..
     their likelihood over that of the approximation: figures then know how well the field is known.
     """
     alone = rows.keep(~rows.is_reading)
-    fixed, seen = _cover(alone), ground.at(alone.places)
+    fixed, apart = _cover(alone), measure_apart(ground.at(alone.places))
     usual = np.log(list(asdict(replace(USUAL, patches_rel=patches)).values()))
 
-    def cost(ln: Array) -> float:
+    def cost(ln: Array) -> tuple[float, Array]:
+        """Return the logarithm of the likelihood with the prior, negative, and its gradient."""
         model = _read(ln)
-        covariance = fixed + _vary(model, seen) + _scatter(model, seen)
-        low = np.linalg.cholesky(covariance)
-        white = scipy.linalg.solve_triangular(low, alone.values, lower=True)
-        prior = float(np.sum(((ln - usual) / _WIDE) ** 2)) / 2.0
-        return float(white @ white) / 2.0 + float(np.sum(np.log(np.diag(low)))) + prior
+        scatter, light = _scatter(model, apart), _vary(model, apart)
+        low = np.linalg.cholesky(fixed + scatter[0] + light[0])
+        inverse = scipy.linalg.cho_solve((low, True), np.eye(len(low)))
+        left, away = inverse @ alone.values, (ln - usual) / _WIDE
+        weights = (inverse - np.outer(left, left)) / 2.0
+        slopes = np.array([np.sum(weights * each) for each in (*scatter[1:], *light[1:])])
+        value = (alone.values @ left + away @ away) / 2.0 + np.sum(np.log(np.diag(low)))
+        return float(value), slopes + away / _WIDE
 
     smooth, rough = np.array([-0.5, 0.0, 0.5, 0.5, 0.0, 0.0]), np.array([0.0, 0.0, -0.5, -0.5, 0.0, 0.0])
-    starts = [usual, usual + smooth, usual + rough]
-    found = [scipy.optimize.minimize(cost, start, method="L-BFGS-B", bounds=_BOUNDS) for start in starts]
+    how: dict[str, Any] = {"jac": True, "method": "L-BFGS-B", "bounds": _BOUNDS}
+    found = [scipy.optimize.minimize(cost, usual + start, **how) for start in (0.0, smooth, rough)]
     best = min(found, key=lambda each: float(each.fun))
     return _read(best.x), *(_read(each) for each in _draw_models(cost, best.x))
 
 
-def _draw_models(cost: Callable[[Array], float], best: Array) -> Array:
+def _draw_models(cost: Callable[[Array], tuple[float, Array]], best: Array) -> Array:
     """Draw from the density exp(-cost) about its maximum, (models, parameters)."""
     steps = _STEP * np.eye(len(best))
-    curve = np.array(
-        [
-            [cost(best + a + b) - cost(best + a - b) - cost(best - a + b) + cost(best - a - b) for b in steps]
-            for a in steps
-        ]
-    ) / (4.0 * _STEP**2)
-    values, vectors = np.linalg.eigh(curve)
+    curve = np.array([cost(best + step)[1] - cost(best - step)[1] for step in steps]) / (2.0 * _STEP)
+    values, vectors = np.linalg.eigh((curve + curve.T) / 2.0)
     random = np.random.default_rng(0)
     normal = random.standard_normal((_MODELS, len(best)))
     drawn = np.clip(best + normal / np.sqrt(np.maximum(values, 1.0)) @ vectors.T, *np.array(_BOUNDS).T)
-    ln = np.sum(normal**2, axis=1) / 2.0 - [cost(each) for each in drawn]
+    ln = np.sum(normal**2, axis=1) / 2.0 - [cost(each)[0] for each in drawn]
     likely = np.exp(ln - ln.max())
     return np.asarray(drawn[random.choice(_MODELS, _MODELS, p=likely / likely.sum())])
 
 
 def solve_field(ground: Ground, rows: Rows, model: Model) -> Field:
     """Solve for ln E at all places, with the contribution of every source to its error."""
-    count = len(ground.xy_m)
-    patches = np.linalg.cholesky(_scatter(model, ground) + 1e-12 * np.eye(count))[rows.places]
-    patches[~rows.sees_pavement] = 0.0
+    count, apart = len(ground.xy_m), measure_apart(ground)
+    light, inverse, gain = _weigh(apart, rows, model)
+    patches = np.linalg.cholesky(_scatter(model, apart)[0] + 1e-12 * np.eye(count))[rows.places]
     of_rows = {
         **rows.shared,
-        "patches": patches,
+        "patches": patches * rows.sees_pavement[:, None],
         "points": np.diag(np.where(rows.is_reading, rows.own_u, 0.0)),
         "noise": np.diag(np.where(rows.is_reading, 0.0, rows.own_u)),
     }
-    light = _vary(model, ground)
-    seen = light[:, rows.places]
-    covariance = seen[rows.places] + sum(effect @ effect.T for effect in of_rows.values())
-    inverse = np.linalg.inv(covariance)
-    gain = seen @ inverse
     errors = {source: -gain @ effect for source, effect in of_rows.items()}
-    left = inverse @ rows.values / np.diag(inverse)
-    shared = np.concatenate(list(rows.shared.values()), axis=1)
-    of_levels = shared.T @ inverse
     pull = np.eye(count) - gain @ np.eye(count)[rows.places]
     errors["field"] = pull @ np.linalg.cholesky(light + 1e-9 * np.eye(count))
+    shared = np.concatenate(list(rows.shared.values()), axis=1)
+    of_levels = shared.T @ inverse
     return Field(
         mean=gain @ rows.values,
-        covariance=light - gain @ seen.T,
+        covariance=light - gain @ light[rows.places],
         errors=errors,
         levels=(of_levels @ rows.values, np.eye(shared.shape[1]) - of_levels @ shared),
-        left=left,
+        left=inverse @ rows.values / np.diag(inverse),
         left_u=1.0 / np.sqrt(np.diag(inverse)),
     )
+
+
+def _weigh(apart: Apart, rows: Rows, model: Model) -> tuple[Array, Array, Array]:
+    """Return prior covariance of ln E, inverse covariance of the rows, and their weights in the estimates."""
+    light, seen = _vary(model, apart)[0], rows.places
+    patches = _scatter(model, apart)[0][np.ix_(seen, seen)] * np.outer(rows.sees_pavement, rows.sees_pavement)
+    inverse = np.linalg.inv(light[np.ix_(seen, seen)] + patches + _cover(rows))
+    return light, np.asarray(inverse), np.asarray(light[:, seen] @ inverse)
 
 
 def _cover(rows: Rows) -> Array:
@@ -174,26 +194,28 @@ def _cover(rows: Rows) -> Array:
     return np.asarray(np.diag(rows.own_u**2) + sum(shared, np.zeros((1, 1))))
 
 
-def _scatter(model: Model, ground: Ground) -> Array:
-    """Return the covariance of the pavement's patches between places."""
-    x, y = ground.xy_m.T
-    apart = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y))
-    return np.asarray(model.patches_rel**2 * np.exp(-apart / model.patch_m))
+def _scatter(model: Model, apart: Apart) -> tuple[Array, ...]:
+    """Return the covariance of the pavement's patches, and its derivatives by ln of their size and length."""
+    ratio = apart.distance_m / model.patch_m
+    covariance = model.patches_rel**2 * np.exp(-ratio)
+    return covariance, 2.0 * covariance, covariance * ratio
 
 
-def _vary(model: Model, ground: Ground) -> Array:
-    """Return the prior covariance of ln E between places."""
-
-    def resemble(here: Array, there: Array) -> Array:
-        along = np.subtract.outer(here[:, 0], there[:, 0]) / model.along_m
-        across = np.subtract.outer(here[:, 1], there[:, 1]) / model.across_m
-        return np.asarray(np.exp(-(along**2 + across**2) / 2.0))
-
-    # the mean over all pairs of rows, of which each place lies under both
-    pairs = [resemble(here, there) for here, there in itertools.product(ground.under, repeat=2)]
-    alike = sum(pairs[1:], pairs[0]) / len(ground.under)
-    near = (1.0 - model.unlike) * alike + model.unlike * resemble(ground.xy_m, ground.xy_m)
-    return np.asarray(_MEAN_U**2 + _TREND_U**2 * np.outer(ground.trend, ground.trend) + model.sigma**2 * near)
+def _vary(model: Model, apart: Apart) -> tuple[Array, ...]:
+    """Return the prior covariance of ln E, and its derivatives by ln of lengths, size and `unlike`."""
+    own, *under = (
+        np.exp(each[0] / (-2.0 * model.along_m**2) + each[1] / (-2.0 * model.across_m**2))
+        for each in apart.squares_m2
+    )
+    alike = sum(under[1:], under[0]) / apart.rows
+    near = model.unlike * own + (1.0 - model.unlike) * alike
+    parts = model.unlike * own, *((1.0 - model.unlike) / apart.rows * each for each in under)
+    along, across = (
+        sum((part * each[axis] for part, each in zip(parts, apart.squares_m2, strict=True)), np.zeros(()))
+        for axis in (0, 1)
+    )
+    slopes = along / model.along_m**2, across / model.across_m**2, 2.0 * near, model.unlike * (own - alike)
+    return _MEAN_U**2 + apart.trend + model.sigma**2 * near, *(model.sigma**2 * each for each in slopes)
 
 
 def _read(ln: Array) -> Model:
@@ -222,12 +244,14 @@ def light_evenly(places_m: Array, lamps_m: Array) -> tuple[Array, Array]:
     return np.log(light), np.asarray(np.sum(weights * (1.0 - cosines), axis=1) / light)
 
 
-def draw_fields(fields: Sequence[Field], *, places: int, draws: int) -> Array:
-    """Draw E [lx] at the first places, as often from each posterior, (draws, places)."""
-    random, found = np.random.default_rng(0), []
-    for field in fields:
-        values, vectors = np.linalg.eigh(field.covariance[:places, :places])
+def draw_fields(ground: Ground, rows: Rows, models: Sequence[Model], *, places: int, draws: int) -> Array:
+    """Draw E [lx] at the first places, as often from the posterior of each model, (draws, places)."""
+    random, found, apart = np.random.default_rng(0), [], measure_apart(ground)
+    for model in models:
+        light, _, gain = _weigh(apart, rows, model)
+        covariance = light - gain @ light[rows.places]
+        values, vectors = np.linalg.eigh(covariance[:places, :places])
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        normal = random.standard_normal((draws // len(fields), places))
-        found.append(field.mean[:places] + normal @ root.T)
+        normal = random.standard_normal((draws // len(models), places))
+        found.append((gain @ rows.values)[:places] + normal @ root.T)
     return np.asarray(np.exp(np.concatenate(found)))

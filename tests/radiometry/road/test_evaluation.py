@@ -146,7 +146,7 @@ def test_a_lens_that_falls_off_is_allowed_for():
 def test_edge_ratio_is_that_of_the_lamps():
     """The worse side's mean beside the lanes over that of as wide a strip within."""
     held = []
-    for seed in range(6):
+    for seed in range(3):
         random = np.random.default_rng(seed)
         truth = draw_road(random)
         edges = (Strip(name=n, kind="edge", y_m=y, width_m=3.5) for n, y in (("near", -3.5), ("far", 7.0)))
@@ -158,7 +158,7 @@ def test_edge_ratio_is_that_of_the_lamps():
         true = min(beside / within for beside, within in sides)
         held.append(figure.low < true < figure.high)
         assert figure.expanded_uncertainty < 0.05 * true
-    assert sum(held) >= 5
+    assert all(held)
 
 
 @pytest.mark.parametrize("b1", [-0.3, 0.3])
@@ -170,20 +170,20 @@ def test_the_slope_with_the_angle_is_found_by_many_points(b1):
 
 def test_a_wrong_point_is_named_and_not_used():
     named = 0
-    for seed in range(20):
+    for seed in range(8):
         random = np.random.default_rng(seed)
-        surveyed = survey(draw_road(random), random, wrong=seed % 8)
+        surveyed = survey(draw_road(random), random, wrong=seed)
         result, truth = evaluate(surveyed), surveyed[-1]
         states = {each.name: each.state for each in result.control}
-        named += [name for name, state in states.items() if state == "differs"] == [f"P{seed % 8 + 1}"]
+        named += [name for name, state in states.items() if state == "differs"] == [f"P{seed + 1}"]
         assert get_figure(result, "e_av").value == pytest.approx(truth.mean(), rel=0.1)
-    assert named >= 19
+    assert named == 8
 
 
 def test_a_sodium_road_with_a_k_of_led_is_flagged_and_right():
     """Shown a third too dark, as a camera of published response does."""
     errors = []
-    for seed in range(20):
+    for seed in range(8):
         random = np.random.default_rng(100 + seed)
         scale = dataclasses.replace(SCALE, lamp_kind="led")
         road, *_, truth = surveyed = survey(draw_road(random, lamp=0.7), random, scale=scale)
