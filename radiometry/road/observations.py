@@ -39,7 +39,7 @@ class Cells(NamedTuple):
 
 
 class Sight(Record):
-    """What frames show of the cells of a road, (frames, cells) each; luminance NaN where one shows none."""
+    """Cells of a road in its frames, (frames, cells) each; the luminance is NaN where one shows none."""
 
     luminance_cd_m2: Array  #: Mean over the cell, over what lamps that shine alike make of it there
     u_rel: Array  #: Relative standard uncertainty of this reading's own noise

@@ -24,7 +24,7 @@ class FigureResult(Record):
 
 
 class Prospect(Record):
-    """What further control points are expected to make of a figure, should its value stay."""
+    """Expected effect of further control points on a figure, should its value stay."""
 
     points: int = about("Further control points, read once each with the meter of the last.")
     expanded_uncertainty: float = about("Expanded uncertainty of the figure with them.")

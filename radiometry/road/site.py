@@ -205,7 +205,7 @@ class ControlPoint(Record):
 
     @property
     def ln_values(self) -> NDArray[np.float64]:
-        """Of the readings in lx or cd/m2."""
+        """Logarithms of the readings in lx or cd/m2."""
         return np.log(SI[self.unit] * np.array(self.values))
 
     @property
