@@ -197,8 +197,8 @@ class ObjectBlobs(spool.Blobs):
         try:
             yield
         except (BaseError, FileNotFoundError) as error:
-            message = f"the blob store {self._url} does not serve: {str(error).partition(chr(10))[0]}"
-            raise proof.StorageUnavailable(message) from error
+            said, *_ = str(error).splitlines() or [""]
+            raise proof.StorageUnavailable(f"the blob store {self._url} does not serve: {said}") from error
 
 
 def _key(sha256: str) -> str:

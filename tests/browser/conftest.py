@@ -67,8 +67,8 @@ def stranger_context(browser, service):
 
 @pytest.fixture(params=["desktop"])
 def context(request, browser, service):
-    """A browser at 1440 px; at 390 with ``parametrize("context", ["phone"], indirect=True)``."""
-    with visit(browser, service.url, width=request.param) as opened:
+    """A browser at 1440 px; at 390, with touch, by ``parametrize("context", ["phone"], indirect=True)``."""
+    with visit(browser, service.url, width=request.param, has_touch=request.param == "phone") as opened:
         yield opened
 
 

@@ -102,6 +102,20 @@ def test_on_a_telephone_the_road_runs_upward_and_the_result_comes_first(page, ro
     look(page, "road-phone")
 
 
+def drag(page, x, y, *, down):
+    """Drag from a place downwards: with a finger where the screen takes one, else with the mouse."""
+    if not page.evaluate("navigator.maxTouchPoints"):
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x, y + down, steps=5)
+        return page.mouse.up()
+    session = page.context.new_cdp_session(page)
+    moves = [("touchMove", [{"x": x, "y": y + down * step / 5}]) for step in range(1, 6)]
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), *moves, ("touchEnd", [])):
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    return session.detach()
+
+
 @pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
 def test_the_site_is_drawn_and_changed_over_the_picture(page, team, road):
     page.goto(f"/roads/{road['id']}")
@@ -132,12 +146,8 @@ def test_the_site_is_drawn_and_changed_over_the_picture(page, team, road):
     edge = page.get_by_role("button", name="Edge of walkway 1: 8 m")
     edge.scroll_into_view_if_needed()
     box, canvas = edge.bounding_box(), site.locator(".roi-canvas").bounding_box()
-    start = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     per_m = PX_PER_M * canvas["width"] / 608
-    page.mouse.move(*start)
-    page.mouse.down()
-    page.mouse.move(start[0], start[1] + per_m, steps=5)
-    page.mouse.up()
+    drag(page, box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, down=per_m)
     assert float(walkway.get_by_label("width [m]").input_value()) == pytest.approx(3.0, abs=2.0 / per_m)
     site.get_by_role("button", name="Add an area").click()
     outline = [(5.0, -3.0), (25.0, -3.0), (22.0, 9.5)]
