@@ -28,7 +28,7 @@ from service.jobs import routes as jobs
 from service.measurements import isolines, lists
 from service.measurements import routes as measurements
 from service.organisation import routes as organisation
-from service.pages import cameras, documentation, rendering, sign_in
+from service.pages import cameras, documentation, rendering
 from service.pages import routes as pages
 from service.pages.rendering import Assets, build_environment
 from service.roads import routes as roads
@@ -81,7 +81,7 @@ def build_app(context: Context) -> FastAPI:
     return app
 
 
-PAGES: Final = (rendering.router, sign_in.router, documentation.router, cameras.router, pages.router)
+PAGES: Final = (rendering.router, pages.sign_in_router, documentation.router, cameras.router, pages.router)
 
 
 def _include_routers(app: FastAPI) -> None:
