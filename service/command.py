@@ -19,18 +19,13 @@ class Command(NamedTuple):
     """Arguments, as argparse declares them."""
 
 
+_ALONE: Final = "alone, which needs STILB_DATABASE_URL"
 COMMANDS: Final = {
     "up": Command(
         "service.up",
         "run everything in the foreground, or the named parts: service, worker",
         "stilb-server up",
-        {
-            "part": {
-                "nargs": "*",
-                "metavar": "service|worker",
-                "help": "alone, which needs STILB_DATABASE_URL",
-            }
-        },
+        {"part": {"nargs": "*", "metavar": "service|worker", "help": _ALONE}},
     ),
     "service": Command("service", "run the API and the pages", "stilb-server service"),
     "migrate": Command(

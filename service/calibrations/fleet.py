@@ -1,5 +1,6 @@
 """Comparison of several cameras, and drift of one: nothing is stored."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -8,7 +9,8 @@ from fastapi import Query, Response
 from radiometry.fleet import drift, results
 from radiometry.fleet.determinations import Determination, Source
 from radiometry.fleet.verdict import judge_fleet
-from service.calibrations.schemas import FleetVerdictAnswer, NewFleetVerdict, Parameter, VersionLeftOut
+from service.calibrations import schemas
+from service.calibrations.schemas import NewFleetVerdict, Parameter, VersionLeftOut
 from service.http import auth, lookup, operations
 from service.http.answers import problems
 from service.http.context import UsesContext
@@ -47,7 +49,10 @@ router = operations.Router(prefix="/v1", tags=["fleet"])
 
 
 @router.post(
-    "/fleet/verdict", response_model=FleetVerdictAnswer, responses=problems(404), dependencies=stateless
+    "/fleet/verdict",
+    response_model=schemas.FleetVerdictAnswer,
+    responses=problems(404),
+    dependencies=stateless,
 )
 def judge_cameras(body: NewFleetVerdict, caller: auth.Reader, context: UsesContext) -> Response:
     """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
@@ -64,7 +69,19 @@ def judge_cameras(body: NewFleetVerdict, caller: auth.Reader, context: UsesConte
     verdict = judge_fleet(
         found, method=body.method, cameras=[camera.serial for camera in cameras], tolerance=body.tolerance
     )
-    return FleetVerdictAnswer.of(body.method, cameras, found, verdict).respond()
+    campaigns = {(row.source.camera, row.source.campaign) for row in found}
+    repeats = Counter(serial for serial, _ in campaigns)
+    return schemas.FleetVerdictAnswer.restate(
+        verdict,
+        method=body.method,
+        verdict=verdict.outcome,
+        cameras=[
+            schemas.FleetCamera(camera_id=camera.id, serial=camera.serial, repeats=repeats[camera.serial])
+            for camera in cameras
+        ],
+        parameters=[schemas.ParameterVerdictAnswer.of(row) for row in verdict.parameters],
+        assumed=schemas.ASSUMED,
+    ).respond()
 
 
 @router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer)

@@ -6,7 +6,7 @@ from pydantic import AliasPath, Discriminator, Field, Tag, model_validator
 
 from radiometry.findings import Raised
 from radiometry.fleet import results
-from radiometry.fleet.determinations import Determination, Key, LeftOut
+from radiometry.fleet.determinations import Key, LeftOut
 from radiometry.fleet.results import Deviation, Effect, FleetVerdict, Outcome, ParameterVerdict
 from radiometry.methods import get_method
 from radiometry.specification.certificate import KeyFigure
@@ -15,7 +15,7 @@ from service.http import models, problems
 from store.codec import drop_absent
 from store.queries.calibrations import Lifetime, VersionStatus
 from store.queries.organisations import Person
-from store.tables import Calibration, Camera, CoefficientRow, IssuedCertificate, Publication
+from store.tables import Calibration, CoefficientRow, IssuedCertificate, Publication
 
 IN_FORCE = "in_force"
 SCOPE_MEANING = (
@@ -295,28 +295,3 @@ class FleetVerdictAnswer(models.Answer, restates=FleetVerdict, fields="said left
     cameras: list[FleetCamera]
     parameters: list[ParameterVerdictAnswer]
     assumed: list[str]
-
-    @classmethod
-    def of(
-        cls,
-        method: models.Method,
-        cameras: list[Camera],
-        determinations: list[Determination],
-        found: FleetVerdict,
-    ) -> "FleetVerdictAnswer":
-        campaigns = {(row.source.camera, row.source.campaign) for row in determinations}
-        return cls.restate(
-            found,
-            method=method,
-            verdict=found.outcome,
-            cameras=[
-                FleetCamera(
-                    camera_id=camera.id,
-                    serial=camera.serial,
-                    repeats=sum(serial == camera.serial for serial, _ in campaigns),
-                )
-                for camera in cameras
-            ],
-            parameters=[ParameterVerdictAnswer.of(row) for row in found.parameters],
-            assumed=ASSUMED,
-        )
