@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass
 from datetime import timedelta
 from threading import Lock
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -19,6 +19,8 @@ from service.http.problems import Problem
 from store.database import Database
 from store.queries.organisations import note_use
 from store.tables import ApiKey, WebSession, utc_now
+
+T = TypeVar("T")
 
 STEP: Final = timedelta(minutes=10)
 _MOST_KEPT: Final = 10_000
@@ -113,12 +115,8 @@ class Attempts:
         return {who: astuple(each) for who, each in newest if each.last_at > over}
 
     def hear(self, others: Iterable[Mapping[str, tuple[int, float]]]) -> None:
-        heard: dict[str, list[_Failures]] = {}
-        for each in others:
-            for who, failures in each.items():
-                heard.setdefault(who, []).append(_Failures(*failures))
         with self._lock:
-            self._others = heard
+            self._others = _join(others, _Failures)
 
     def trust(self, secret: str) -> None:
         name = _hash(secret)
@@ -132,6 +130,14 @@ class Attempts:
 
     def _is_forgotten(self, failures: _Failures) -> bool:
         return self._clock() > failures.last_at + failures.wait_s(self._free) + FORGOTTEN_AFTER_S
+
+
+def _join(others: Iterable[Mapping[str, Any]], kind: Callable[..., T]) -> dict[str, list[T]]:
+    heard: dict[str, list[T]] = {}
+    for each in others:
+        for name, counted in each.items():
+            heard.setdefault(name, []).append(kind(*counted))
+    return heard
 
 
 def name_address(host: str | None) -> str:
@@ -205,12 +211,8 @@ class Rates:
             return {name: astuple(each) for name, each in self._counts.items() if each.minute >= minute - 1}
 
     def hear(self, others: Iterable[Mapping[str, tuple[int, int, int]]]) -> None:
-        heard: dict[str, list[_Counts]] = {}
-        for each in others:
-            for name, counts in each.items():
-                heard.setdefault(name, []).append(_Counts(*counts))
         with self._lock:
-            self._others = heard
+            self._others = _join(others, _Counts)
 
     def _look(self, organisation_id: str) -> tuple[_Counts, _Counts, float]:
         """Return the own counts, those of all, and the share of the minute before in the last minute."""
