@@ -21,13 +21,12 @@ from service.http.processes import Server, Traffic, Vitals, serve_forked, share_
 from service.jobs.watch import JobWatch
 from service.launch import folder, key
 from service.system.health import Health
-from store import logs
+from store import logs, queries
 from store.blobs import blobs_from_url, partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers
 from store.jobs.processes import Presence, repeat, sweep_floor
 from store.jobs.queues import Post
 from store.pulse import Pulse
-from store.queries import organisations, usage
 from store.settings import Settings, read_settings
 
 _TURN = 0x7374696C62
@@ -39,8 +38,8 @@ def found(database: Database, secret: str) -> None:
         if not database.is_sqlite:
             session.execute(select(func.pg_advisory_xact_lock(_TURN)))
         if secret:
-            organisations.ensure_operator(session, secret, list(auth.SCOPES))
-        usage.recount_all(session)
+            queries.organisations.ensure_operator(session, secret, list(auth.SCOPES))
+        queries.usage.recount_all(session)
 
 
 _USUAL = gc.get_threshold()

@@ -10,12 +10,9 @@ from radiometry.fleet import drift, results
 from radiometry.fleet.determinations import Determination, Source
 from radiometry.fleet.verdict import judge_fleet
 from service.calibrations import schemas
-from service.calibrations.schemas import NewFleetVerdict, Parameter, VersionLeftOut
-from service.http import auth, lookup, operations
-from service.http.answers import problems
+from service.http import answers, auth, lookup, operations, problems
 from service.http.context import UsesContext
 from service.http.models import Answer, Instant, Method, PositiveText, maybe
-from service.http.problems import wrong
 from service.tools.routes import stateless
 from store.queries.fleet import list_determinations
 from store.tables import Camera
@@ -25,7 +22,7 @@ class Determined(Answer, restates=(Determination, Source), fields="at value stan
     calibration_id: str
 
 
-class ParameterDrift(Parameter, restates=drift.Drift, without="key"):
+class ParameterDrift(schemas.Parameter, restates=drift.Drift, without="key"):
     determinations: list[Determined]
 
     @classmethod
@@ -42,7 +39,7 @@ class DriftAnswer(Answer):
     method: Method
     recalibrate_by: Instant | None = maybe("The earliest of all parameters.")
     parameters: list[ParameterDrift]
-    left_out: list[VersionLeftOut]
+    left_out: list[schemas.VersionLeftOut]
 
 
 router = operations.Router(prefix="/v1", tags=["fleet"])
@@ -51,10 +48,10 @@ router = operations.Router(prefix="/v1", tags=["fleet"])
 @router.post(
     "/fleet/verdict",
     response_model=schemas.FleetVerdictAnswer,
-    responses=problems(404),
+    responses=answers.problems(404),
     dependencies=stateless,
 )
-def judge_cameras(body: NewFleetVerdict, caller: auth.Reader, context: UsesContext) -> Response:
+def judge_cameras(body: schemas.NewFleetVerdict, caller: auth.Reader, context: UsesContext) -> Response:
     """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
 
     Each campaign with a published version that was not revoked is a repeat of its camera's calibration.
@@ -113,7 +110,7 @@ def get_drift(
 def _refuse_other_models(cameras: Sequence[Camera]) -> None:
     models = sorted({f"{camera.make} {camera.model}" for camera in cameras})
     if len(models) > 1:
-        raise wrong(
+        raise problems.wrong(
             "body.camera_ids",
             f"these are cameras of different models ({', '.join(models)}), whose coefficients cannot be "
             "compared; ask for each model separately",
@@ -124,13 +121,13 @@ def _refuse_unknown_versions(lenses: dict[str, str], found: list[Determination])
     known = {row.source.version for row in found}
     for calibration_id in lenses:
         if calibration_id not in known:
-            raise wrong(
+            raise problems.wrong(
                 "body.lenses",
                 f"{calibration_id} is not a published version of these cameras and this method; leave it out",
             )
 
 
-def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None:
+def _refuse_tolerance(body: schemas.NewFleetVerdict, found: list[Determination]) -> None:
     """A misspelt name would leave its parameter without a verdict; 4 for 4 % would accept everything."""
     if not isinstance(body.tolerance, dict):
         if results.main_unit(body.method) == results.PERCENT:
@@ -140,11 +137,11 @@ def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None
     for name, tolerance in body.tolerance.items():
         if name not in keys:
             known = ", ".join(sorted(keys)) or "none: nothing is published"
-            raise wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
+            raise problems.wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
         if results.find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
             _refuse_no_share(f"body.tolerance.{name}", tolerance)
 
 
 def _refuse_no_share(field: str, tolerance: float) -> None:
     if tolerance >= 1.0:
-        raise wrong(field, "must be a share less than 1, such as 0.04 for 4 %")
+        raise problems.wrong(field, "must be a share less than 1, such as 0.04 for 4 %")

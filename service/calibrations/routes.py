@@ -17,10 +17,8 @@ from starlette.concurrency import run_in_threadpool
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
-from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
-from service.calibrations import schemas
-from service.calibrations.history import RevocationAnswer
+from service.calibrations import history, schemas
 from service.calibrations.methods import FitRequest, NewCalibration, read_request
 from service.documents import issuing, rendered
 from service.http import answers, auth, lookup, operations, tables
@@ -204,7 +202,7 @@ async def publish_calibration(
     return await run_in_threadpool(writing.run, caller, change)
 
 
-@router.post("/calibrations/{calibration_id}/revoke", response_model=RevocationAnswer)
+@router.post("/calibrations/{calibration_id}/revoke", response_model=history.RevocationAnswer)
 def revoke_calibration(
     calibration_id: Id, body: schemas.NewRevocation, caller: Publisher, session: Session
 ) -> Reply:
@@ -216,7 +214,7 @@ def revoke_calibration(
     calibration = owned(session, Calibration, calibration_id, caller)
     publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
     answer = _answer(session, calibration)
-    return Reply(status=200, body=RevocationAnswer.revoked(session, calibration, answer))
+    return Reply(status=200, body=history.RevocationAnswer.revoked(session, calibration, answer))
 
 
 def _read_params(
@@ -336,7 +334,7 @@ def _describe(option: ExportOption) -> Any:  # noqa: ANN401  a type with its def
 
 def _require(calibration: Calibration, camera: Camera, method: str, export: Export) -> None:
     if calibration.method != method:
-        known = ", ".join(each.filename for each in get_method(calibration.method).exports)
+        known = ", ".join(each.filename for each in methods.get_method(calibration.method).exports)
         which = f"its exports are {known}" if known else "it has none"
         raise Problem(interface.NOT_FOUND, f"A version of {calibration.method} has no such export: {which}.")
     if export.needs_pixel_pitch and camera.pixel_pitch_um is None:
@@ -357,6 +355,6 @@ def _write_tiff(picture: Picture) -> bytes:
     return out.getvalue()
 
 
-for _spec in METHODS:
+for _spec in methods.METHODS:
     for _export in _spec.exports:
         _add(_spec.name, _export)

@@ -5,8 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AliasPath, Discriminator, Field, Tag, model_validator
 
 from radiometry.findings import Raised
-from radiometry.fleet import results
-from radiometry.fleet.determinations import Key, LeftOut
+from radiometry.fleet import determinations, results
 from radiometry.fleet.results import Deviation, Effect, FleetVerdict, Outcome, ParameterVerdict
 from radiometry.methods import get_method
 from radiometry.specification.certificate import KeyFigure
@@ -238,7 +237,7 @@ class FlagRaised(models.Answer, restates=Raised):
     pass
 
 
-class VersionLeftOut(models.Answer, restates=LeftOut, without="version"):
+class VersionLeftOut(models.Answer, restates=determinations.LeftOut, without="version"):
     calibration_id: str = Field(validation_alias="version")
 
 
@@ -248,7 +247,7 @@ class ToleranceMeant(models.Answer, restates=results.Tolerance):
     kind: Literal["relative", "absolute"]
 
 
-class Parameter(models.Answer, restates=Key):
+class Parameter(models.Answer, restates=determinations.Key):
     """Identity of a coefficient, without its value."""
 
 

@@ -15,12 +15,10 @@ from radiometry.frame.verdicts import Verdict
 from radiometry.specification.roles import Gap
 from service.frames import pictures, routes
 from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
-from service.http import auth, connections, models, operations, paging
-from service.http.answers import not_modified, problems, sends, standing_headers
+from service.http import answers, auth, connections, models, operations, paging, problems
 from service.http.changes import Reply
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.problems import Problem, wrong
 from store.queries import audit, campaigns
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -93,7 +91,7 @@ router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"]
 _MOST_FRAMES = 5000
 
 
-@router.get("/grid", **sends(CampaignGridAnswer, 404))
+@router.get("/grid", **answers.sends(CampaignGridAnswer, 404))
 def get_campaign_grid(
     campaign_id: Id,
     request: Request,
@@ -117,8 +115,8 @@ def get_campaign_grid(
         after = "" if cursor is None else paging.read_key(cursor, FrameRow.__tablename__)
         tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}"
         tag = hashlib.sha256(tagged.encode()).hexdigest()
-        headers = standing_headers(tag) | {"Vary": "Authorization"}
-        if (unchanged := not_modified(request, tag, headers)) is not None:
+        headers = answers.standing_headers(tag) | {"Vary": "Authorization"}
+        if (unchanged := answers.not_modified(request, tag, headers)) is not None:
             return unchanged
         if since:
             # which verdicts have changed is known once they are kept
@@ -143,7 +141,7 @@ def get_campaign_grid(
     return Response(body, headers=headers, media_type="application/json")
 
 
-@router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
+@router.patch("/frames", response_model=FramesChanged, responses=answers.problems(404, 409))
 def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, session: Session) -> Reply:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
 
@@ -155,7 +153,7 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, 
     chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
     frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
     if unknown := set(ids) - {frame.id for frame in frames}:
-        raise wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")
+        raise problems.wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")
     if body.expected:
         _require_unchanged(session, frames, body.expected)
     jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
@@ -177,7 +175,7 @@ def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: E
             now = ", ".join(_STATES[name](value) for name, value in changed.items())
             by = f" by {who}" if who else ""
             detail = f"{frame.filename} was changed{by} meanwhile: {now}. Look at it again."
-            raise Problem(interface.CHANGED_MEANWHILE, detail)
+            raise problems.Problem(interface.CHANGED_MEANWHILE, detail)
 
 
 _STATES: Final[dict[str, Callable[[Any], str]]] = {

@@ -12,9 +12,8 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from service.http import answers, auth, changes, lookup, operations, problems, signatures
+from service.http import answers, auth, changes, lookup, models, operations, problems, signatures
 from service.http.context import Context, UsesContext
-from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text, maybe, told
 from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, FrameState, Manifest, SigningKey, utc_now
@@ -24,71 +23,71 @@ MOST_FILES = 20_000
 FileName = Annotated[
     str, StringConstraints(min_length=1, max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
 ]
-Size = Annotated[int, Field(ge=0, lt=1 << 50, strict=True), WHOLE]
+Size = Annotated[int, Field(ge=0, lt=1 << 50, strict=True), models.WHOLE]
 
 
-class OtherFile(Form):
+class OtherFile(models.Form):
     name: FileName
     size_bytes: Size
 
 
 class ManifestFile(OtherFile):
-    sha256: Sha256
+    sha256: models.Sha256
 
 
-class NewManifest(Form):
+class NewManifest(models.Form):
     files: Annotated[list[ManifestFile], Field(min_length=1, max_length=MOST_FILES)]
-    others: Annotated[list[OtherFile], Field(max_length=MOST_FILES)] = told(
+    others: Annotated[list[OtherFile], Field(max_length=MOST_FILES)] = models.told(
         "Files of the card that are not sent. The receipt names them as not covered.", default=[]
     )
 
 
-class MissingFile(Answer):
+class MissingFile(models.Answer):
     name: str
     size_bytes: int
     sha256: str
-    reason: Literal["not_received", "damaged", "size_differs"] = told(
+    reason: Literal["not_received", "damaged", "size_differs"] = models.told(
         "`damaged`: the stored file is damaged or gone; the same upload heals it. "
         "`size_differs`: the file with this hash has another size, so that the manifest is wrong."
     )
 
 
-class ManifestAnswer(Answer, restates=Manifest, fields="id campaign_id sha256 created_at"):
+class ManifestAnswer(models.Answer, restates=Manifest, fields="id campaign_id sha256 created_at"):
     """Completeness of a manifest as things stand now."""
 
     files: int
-    stored: int = told("How many of them are stored whole.")
+    stored: int = models.told("How many of them are stored whole.")
     complete: bool
-    missing: list[MissingFile] = told("In the order of the manifest.")
-    receipt: str | None = maybe("Address of the receipt, once it is complete.")
+    missing: list[MissingFile] = models.told("In the order of the manifest.")
+    receipt: str | None = models.maybe("Address of the receipt, once it is complete.")
 
 
-class ReceivedFile(Answer):
+class ReceivedFile(models.Answer):
     """A file of the card, and the frame of the campaign that holds its bytes."""
 
     name: str
     size_bytes: int
     sha256: str
     frame_id: str
-    received_at: Instant
-    hash_checked_at: Instant = told(
+    received_at: models.Instant
+    hash_checked_at: models.Instant = models.told(
         "When the service last hashed all of the bytes and found this SHA-256: as they "
         "arrived, or as it read them back since."
     )
-    state: FrameState = told("`refused`: stored, but not usable as a frame.")
+    state: FrameState = models.told("`refused`: stored, but not usable as a frame.")
     refusal_code: str | None = None
-    withdrawn_at: Instant | None = maybe("Stored, but withdrawn from the campaign.")
-    same_as: str | None = maybe(
+    withdrawn_at: models.Instant | None = models.maybe("Stored, but withdrawn from the campaign.")
+    same_as: str | None = models.maybe(
         "An earlier file of this manifest with the same bytes, which are stored once."
     )
 
 
-class ReceiptStatement(Answer):
+class ReceiptStatement(models.Answer):
     """Facts that the service attests."""
 
     type: Literal["stilb receipt 1"]
     statement: str
-    issued_at: Instant
+    issued_at: models.Instant
     key_id: str
     software: str
     organisation: str
@@ -106,26 +105,26 @@ class ReceiptStatement(Answer):
     not_covered: list[OtherFile]
 
 
-class ReceiptSignature(Answer):
+class ReceiptSignature(models.Answer):
     algorithm: Literal["Ed25519"]
     key_id: str
-    value: str = told("In Base64, over `receipt` in canonical JSON (RFC 8785).")
+    value: str = models.told("In Base64, over `receipt` in canonical JSON (RFC 8785).")
 
 
-class ReceiptAnswer(Answer):
+class ReceiptAnswer(models.Answer):
     receipt: ReceiptStatement
     signature: ReceiptSignature
 
 
-class SigningKeyAnswer(Answer, restates=SigningKey, fields="id public_key"):
+class SigningKeyAnswer(models.Answer, restates=SigningKey, fields="id public_key"):
     """A public key of the service, in PEM."""
 
     algorithm: Literal["Ed25519"] = "Ed25519"
     created_at: datetime
 
 
-class SigningKeys(Answer):
-    items: list[SigningKeyAnswer] = told("Newest first. None is ever removed.")
+class SigningKeys(models.Answer):
+    items: list[SigningKeyAnswer] = models.told("Newest first. None is ever removed.")
 
 
 router = operations.Router(prefix="/v1", tags=["manifests"])
@@ -188,7 +187,7 @@ def get_receipt(
     caller: auth.Anybody,
     context: UsesContext,
     manifest_id: Annotated[
-        Text | None, Query(description="One of the campaign's manifests; without it, the newest.")
+        models.Text | None, Query(description="One of the campaign's manifests; without it, the newest.")
     ] = None,
 ) -> Response:
     """Attest, signed, that every file of a manifest is stored: the card may be formatted.

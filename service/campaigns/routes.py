@@ -7,8 +7,7 @@ from pydantic import ConfigDict, Field, Strict, ValidationError, model_validator
 from sqlalchemy import select, true
 from sqlalchemy.orm import Session
 
-from radiometry import methods
-from radiometry.findings import interface, shared
+from radiometry import findings, methods
 from radiometry.frame.multispectral import name_panel
 from radiometry.specification.roles import FIELD
 from service.campaigns import schemas
@@ -24,8 +23,7 @@ from service.measurements.requests import read_roi
 from store import codec, reviews
 from store.queries import campaigns, checklist, organisations
 from store.queries.evidence import Offer, find_by_serial, find_offer
-from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi
-from store.tables.base import utc_now
+from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi, base
 from store.tables.campaign import CampaignKind
 
 
@@ -146,7 +144,7 @@ def change_campaign(
     values = {name: None if value == "" else value for name, value in values.items()}
     jobs = []
     if body.archived is not None:
-        campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
+        campaign.archived_at = (campaign.archived_at or base.utc_now()) if body.archived else None
     if body.camera_id is not None and body.camera_id != campaign.camera_id:
         owned(session, Camera, body.camera_id, caller)
         jobs = campaigns.check_again(session, campaign, by=caller.key_id)
@@ -181,7 +179,7 @@ def get_campaign_roi(campaign_id: Id, caller: Reader, session: Session) -> Respo
     """The region in use."""
     campaign = owned(session, Campaign, campaign_id, caller)
     if campaign.roi_id is None:
-        raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
+        raise Problem(findings.interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
     return schemas.RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 
@@ -236,7 +234,7 @@ def _require_no_calibration(session: Session, campaign: Campaign) -> None:
             f"the frame {other}, which is not a field frame" if other else "a version that was fitted from it"
         )
         detail = f"This campaign has {has}: create another one for the night, and send its frames there."
-        raise Problem(interface.CONFLICT, detail)
+        raise Problem(findings.interface.CONFLICT, detail)
 
 
 def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
@@ -257,7 +255,7 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
 def _whole(session: Session, campaign: Campaign, readiness: reviews.Assessment) -> schemas.CampaignAnswer:
     counts = campaigns.count(session, campaign)
     offer = find_offer(session, campaign)
-    lone = [each for each in readiness.findings if each.code == shared.READING_WITHOUT_FRAMES]
+    lone = [each for each in readiness.findings if each.code == findings.shared.READING_WITHOUT_FRAMES]
     return schemas.CampaignAnswer.restate(
         campaign,
         frames=counts,
@@ -293,17 +291,17 @@ def change_checklist(
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         if not checklist.has_checklist(campaign):
-            raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign))
+            raise Problem(findings.interface.NO_CHECKLIST, explain_missing_checklist(campaign))
         if (signature := checklist.read_signature(session, campaign)) is not None and body.signature is None:
             raise Problem(
-                interface.CHECKLIST_SIGNED,
+                findings.interface.CHECKLIST_SIGNED,
                 f"{signature.name} has signed this checklist. Send a signature with the change: "
                 "it then stands for the list as changed.",
             )
         for item in body.items or []:
             finding = record.findings.get(item.key) if record else None
             if item.done and finding is not None and not finding.done:
-                raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
+                raise Problem(findings.interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
             checklist.set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
         if body.signature is not None:
             checklist.sign(session, campaign, name=body.signature.name, by=caller.key_id)

@@ -23,7 +23,6 @@ from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, an
 from service.http import answers, counts, lookup, models, operations, problems
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
-from service.http.models import Instant
 from store.queries.organisations import hash_secret
 from store.ready import lookups, rows
 from store.ready.series import CoefficientSeries
@@ -204,8 +203,8 @@ def _require_camera(context: Context, caller: Caller, camera_id: str) -> None:
 
 
 class CoefficientSeriesQuery(SeriesQuery):
-    start: Instant | None = models.maybe("In force at this time or later.", alias="from")
-    end: Instant | None = models.maybe("In force before this time.", alias="to")
+    start: models.Instant | None = models.maybe("In force at this time or later.", alias="from")
+    end: models.Instant | None = models.maybe("In force before this time.", alias="to")
 
 
 _COLUMNS = series.describe_columns(SeriesRow)

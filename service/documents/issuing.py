@@ -14,10 +14,9 @@ from service.documents.certificate import build_certificate, list_published
 from service.http import lookup, problems
 from service.http.auth import Caller
 from service.http.context import Context
-from store import blobs, database, publications
+from store import blobs, database, publications, tables
 from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
-from store.tables import Calibration, IssuedCertificate, utc_now
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +34,7 @@ class Prepared(Record):
 def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
     """Make and store the certificate that a publication issues; 409 if one with gaps is refused."""
     with context.database.reading() as session:
-        calibration = lookup.owned(session, Calibration, calibration_id, caller)
+        calibration = lookup.owned(session, tables.Calibration, calibration_id, caller)
         publications.require_not_revoked(session, calibration)
     find_issued(context, calibration_id)
     with context.database.reading(snapshot=True) as session:
@@ -54,14 +53,14 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
 def build_issued(
     session: Session, record: CalibrationRecord, caller: Caller, publication: NewPublication
 ) -> schemas.CertificateAnswer:
-    now, earlier = utc_now(), publications.list_issued(session, record.calibration.id)
+    now, earlier = tables.utc_now(), publications.list_issued(session, record.calibration.id)
     amends = schemas.Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
     act = schemas.PublishedBy.restate(publication, by=caller.named, at=now)
     issued = schemas.Issued(at=now, at_upgrade=False, amends=amends)
     return build_certificate(record, issued=issued, approved_by=caller.person, published=[act])
 
 
-def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate]:
+def find_issued(context: Context, calibration_id: str) -> list[tables.IssuedCertificate]:
     """Return what was issued of a version; one that was published before that was kept is issued now."""
     with context.database.reading() as session:
         found = publications.list_issued(session, calibration_id)
@@ -96,7 +95,7 @@ class Backlog:
         return _REST_S
 
 
-def gather(context: Context, session: Session, calibration: Calibration) -> CalibrationRecord:
+def gather(context: Context, session: Session, calibration: tables.Calibration) -> CalibrationRecord:
     state = context.reviews.find(session, calibration.campaign_id).record
     return read_calibration_record(session, calibration, state)
 
@@ -125,8 +124,8 @@ def draw_preview(record: CalibrationRecord, files: Files) -> str:
 
 def _issue_late(context: Context, calibration_id: str) -> None:
     with context.database.reading(snapshot=True) as session:
-        record = gather(context, session, session.get_one(Calibration, calibration_id))
-    issued = schemas.Issued(at=utc_now(), at_upgrade=True)
+        record = gather(context, session, session.get_one(tables.Calibration, calibration_id))
+    issued = schemas.Issued(at=tables.utc_now(), at_upgrade=True)
     certificate = build_certificate(record, issued=issued, published=list_published(record))
     printed = _print(context, record, certificate, first=False)
     try:
@@ -145,7 +144,7 @@ def _print(
     require = context.settings.decoder_sandbox == "require"
     pdf = rendered.render_apart(rendered.write_order(order), require=require, first=first)
     kept = [context.blobs.keep([each]) for each in (sheets.write_json(content).encode(), pdf)]
-    row = IssuedCertificate(
+    row = tables.IssuedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,
         json_sha256=kept[0].sha256,

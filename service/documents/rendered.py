@@ -11,9 +11,7 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.http.context import Context
-from store import blobs, files, software
-from store.sandbox import build_command, build_environment
-from store.tables import Rendering
+from store import blobs, files, sandbox, software, tables
 
 Order = dict[str, Any]
 
@@ -55,7 +53,7 @@ def name_source(content: bytes) -> str:
 def find_rendered(context: Context, source: str) -> bytes | None:
     """Return the file that is kept, byte for byte; None if it was never made, or lost since."""
     with context.database.reading() as session:
-        kept = session.get(Rendering, source)
+        kept = session.get(tables.Rendering, source)
     if kept is None:
         return None
     try:
@@ -71,7 +69,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
         blob = context.blobs.keep([rendered])
         with context.database.writing("rendering") as session:
             files.keep_blobs(session, [blob])
-            session.merge(Rendering(source_sha256=source, sha256=blob.sha256))
+            session.merge(tables.Rendering(source_sha256=source, sha256=blob.sha256))
     except (SQLAlchemyError, blobs.StorageFull, blobs.StorageUnavailable) as error:
         log.warning("a rendered file is not kept: %s", error)
     return rendered
@@ -81,8 +79,8 @@ def render_apart(order: bytes, *, require: bool = False, first: bool = False) ->
     """Render in a process that ends, shut in (fully, with `require`); `first`: at the usual priority."""
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*build_command("service.documents"), *chosen],
-        env=build_environment() | _THREADS,
+        [*sandbox.build_command("service.documents"), *chosen],
+        env=sandbox.build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -11,8 +11,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.tools.motion import USUAL_LIMIT_PX, Basis, MotionCase, blur_of_file, compute_motion
 from service.campaigns.schemas import Role
-from service.http import lookup, operations, tables
-from service.http.auth import Reader
+from service.http import auth, lookup, operations, tables
 from service.http.models import Answer, Form, maybe, told
 from service.http.problems import wrong
 from service.tools.routes import KM_H_PER_M_S, refuse_two_speeds
@@ -107,7 +106,7 @@ router = operations.Router(prefix="/v1", tags=["tools"])
     responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
 def get_campaign_motion(
-    campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, session: Session
+    campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: auth.Reader, session: Session
 ) -> Response:
     """The blur of every frame of a campaign, a row each, from its own attitudes and a speed that is stated.
 

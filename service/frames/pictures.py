@@ -29,8 +29,7 @@ from service.http.lookup import Id, owned
 from service.jobs.routes import QUEUES, JobAnswer, queue
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
-from store import blobs, codec, database, files
-from store.queries import by_id
+from store import blobs, codec, database, files, queries
 from store.queries.campaigns import find_crop_job, say_asked
 from store.queries.frames import current_roi, region_ids
 from store.tables import Campaign, Crop, FrameRow, Roi
@@ -297,7 +296,7 @@ def list_thumbnails(
         chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(named))
         frames = {frame.id: frame for frame in session.scalars(chosen) if frame.preview_sha256}
         regions = region_ids(session, campaign, frames.values())
-        rois = by_id(session, Roi, {region for region in regions.values() if region})
+        rois = queries.by_id(session, Roi, {region for region in regions.values() if region})
     tags = {each: tag_of(frame.preview_sha256, regions[each]) or "" for each, frame in frames.items()}
     tag = hashlib.sha256(repr(sorted(tags.items())).encode()).hexdigest()
     headers = answers.immutable_headers(tag) if tags == named else answers.standing_headers(tag)

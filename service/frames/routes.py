@@ -13,13 +13,10 @@ from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.campaigns.schemas import NewRoi, RoiAnswer
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
-from service.http import changes, operations
-from service.http.answers import makes, problems, send_blob, sends_stored_file
-from service.http.auth import Calibrator, Caller, Reader, Uploader
+from service.http import answers, auth, changes, operations, problems
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem
 from service.measurements.requests import read_region, read_roi
 from service.uploads.frames import admit, answer_frames, answer_write, keep_frame, receive
 from store.queries.campaigns import find_or_add_roi, renew_extraction
@@ -50,14 +47,14 @@ _UPLOAD = {
 
 @router.post(
     "/campaigns/{campaign_id}/frames",
-    **makes(FrameAnswer, "The campaign has these bytes already.", 400, 409, 413, 507),
+    **answers.makes(FrameAnswer, "The campaign has these bytes already.", 400, 409, 413, 507),
     openapi_extra=_UPLOAD,
 )
 async def upload_frame(
     campaign_id: Id,
     request: Request,
     upload: Annotated[Upload, Query()],
-    caller: Uploader,
+    caller: auth.Uploader,
     context: UsesContext,
     writing: changes.StreamWrites,
 ) -> Response:
@@ -81,7 +78,7 @@ async def upload_frame(
 def list_frames(
     campaign_id: Id,
     paging: UsesPaging,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     session: Session,
     *,
@@ -104,21 +101,21 @@ def list_frames(
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer)
-def get_frame(frame_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
+def get_frame(frame_id: Id, caller: auth.Reader, context: UsesContext, session: Session) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
     frame = owned(session, FrameRow, frame_id, caller)
     return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
-@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(409))
-def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, session: Session) -> changes.Reply:
+@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=answers.problems(409))
+def change_frame(frame_id: Id, body: FrameChange, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Correct what was said of a frame; it is then read again."""
     # what two who come at once supply is kept together
     frame = owned(session, FrameRow, frame_id, caller, for_update=True)
     return _reply(session, frame, apply_change(session, frame, body, caller))
 
 
-def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
+def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: auth.Caller) -> list[Job]:
     """Correct what was said of a frame; return the job that reads it again, if its statistics need it."""
     said = body.model_dump(exclude_none=True, exclude={"frame_ids", "expected", "reason"})
     if body.role is not None:
@@ -141,7 +138,7 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: C
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
-def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: changes.Writes) -> Response:
+def set_frame_roi(frame_id: Id, body: NewRoi, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Set a region for one frame, where the camera has moved."""
     drawing = read_roi(body)
 
@@ -156,16 +153,16 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: chang
 
 
 @router.get("/frames/{frame_id}/roi", response_model=RoiAnswer)
-def get_frame_roi(frame_id: Id, caller: Reader, session: Session) -> Response:
+def get_frame_roi(frame_id: Id, caller: auth.Reader, session: Session) -> Response:
     """The region that holds for a frame: its own, drawn or found, else its campaign's."""
     frame = owned(session, FrameRow, frame_id, caller)
     if (roi := current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))) is None:
-        raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
+        raise problems.Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
     return RoiAnswer.of(roi).respond()
 
 
-@router.get("/frames/{frame_id}/content", **sends_stored_file("application/octet-stream"))
-def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+@router.get("/frames/{frame_id}/content", **answers.sends_stored_file("application/octet-stream"))
+def get_frame_content(frame_id: Id, request: Request, caller: auth.Reader, context: UsesContext) -> Response:
     """The very bytes that were uploaded."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
@@ -173,33 +170,33 @@ def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: U
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}",
         "X-Content-Type-Options": "nosniff",
     }
-    return send_blob(request, context.files, frame.sha256, "application/octet-stream", headers)
+    return answers.send_blob(request, context.files, frame.sha256, "application/octet-stream", headers)
 
 
-@router.get("/frames/{frame_id}/preview.png", **sends_stored_file("image/png"))
-def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+@router.get("/frames/{frame_id}/preview.png", **answers.sends_stored_file("image/png"))
+def get_frame_preview(frame_id: Id, request: Request, caller: auth.Reader, context: UsesContext) -> Response:
     """A picture to draw the region on; its width against `width_px` is the scale."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
-    return send_blob(request, context.files, require_preview(frame), "image/png", {})
+    return answers.send_blob(request, context.files, require_preview(frame), "image/png", {})
 
 
 def require_preview(frame: FrameRow) -> str:
     if frame.preview_sha256 is None:
         detail = "This frame has no preview: it has not been read yet, or it was refused."
-        raise Problem(interface.PREVIEW_NOT_READY, detail, retryable=frame.state == "received")
+        raise problems.Problem(interface.PREVIEW_NOT_READY, detail, retryable=frame.state == "received")
     return frame.preview_sha256
 
 
 def require_header(frame: FrameRow) -> dict[str, Any]:
     if frame.header is None:
         detail = f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it."
-        raise Problem(shared.FRAME_NOT_READ, detail, status=409, retryable=frame.state == "received")
+        raise problems.Problem(shared.FRAME_NOT_READ, detail, status=409, retryable=frame.state == "received")
     return frame.header
 
 
 def _read_again(
-    session: Session, frame: FrameRow, caller: Caller, said: dict[str, Any], *, anyway: bool = False
+    session: Session, frame: FrameRow, caller: auth.Caller, said: dict[str, Any], *, anyway: bool = False
 ) -> list[Job]:
     """Describe a frame anew; return the job that reads it again, if that has changed anything."""
     changed = describe_anew(frame, said) or anyway

@@ -13,10 +13,9 @@ from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
 from service.http import models
 from service.http.models import Answer, Form, Text, maybe, told
-from store import blobs, codec
+from store import blobs, codec, tables
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
-from store.tables import Blob, Extraction, FrameRow, campaign
 
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
 _REASONS = [each.code for each in findings.FINDINGS.values() if "verdict" in each.where]
@@ -113,7 +112,7 @@ class StatisticsRow(Answer, restates=ChannelStatistics):
     extractor: str
 
     @classmethod
-    def of(cls, extraction: Extraction, row: ChannelStatistics) -> "StatisticsRow":
+    def of(cls, extraction: tables.Extraction, row: ChannelStatistics) -> "StatisticsRow":
         return cls.restate(row, extraction, extraction.features or {}, roi=extraction.roi_id)
 
 
@@ -136,7 +135,7 @@ class SunshineMissing(Answer):
 
 class FrameAnswer(
     Answer,
-    restates=FrameRow,
+    restates=tables.FrameRow,
     fields="id campaign_id sha256 filename scene roi_id exposure_time_s f_number iso withdrawn_at warnings "
     "created_at",
 ):
@@ -156,7 +155,7 @@ class FrameAnswer(
         "Of the panel that the frame shows, by its code in the image or the file."
     )
     supplied: dict[str, float] | None = None
-    state: campaign.FrameState
+    state: tables.campaign.FrameState
     camera: CameraAsRead | None = None
     exposure: dict[str, Any] | None = maybe("Nominal and APEX values and their origin.")
     black_level_dn: float | None = maybe("Mean over the sites of the CFA pattern.")
@@ -184,9 +183,9 @@ class FrameAnswer(
     @classmethod
     def of(
         cls,
-        row: FrameRow,
+        row: tables.FrameRow,
         *,
-        blob: Blob,
+        blob: tables.Blob,
         statistics: list[StatisticsRow] | None = None,
         verdict: verdicts.Verdict | None = None,
         job_id: str | None = None,
@@ -207,7 +206,7 @@ class FrameAnswer(
         )
 
 
-def _from_found(row: FrameRow) -> dict[str, Any]:
+def _from_found(row: tables.FrameRow) -> dict[str, Any]:
     found, named = row.found or {}, list_panels(FrameColumns.of(row))
     answer: dict[str, Any] = {"panel_serial": named[0] if named else None}
     if row.roi_id is None:

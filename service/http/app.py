@@ -30,13 +30,11 @@ from service.measurements import routes as measurements
 from service.organisation import routes as organisation
 from service.pages import cameras, documentation, rendering
 from service.pages import routes as pages
-from service.pages.rendering import Assets, build_environment
 from service.roads import routes as roads
 from service.system import routes as system
 from service.tools import routes as tools
 from service.uploads import routes as uploads
-from store import database
-from store.software import read_version
+from store import database, software
 
 _SHOWN = [
     *("Content-Disposition", "Content-Range", "ETag", "Link", "Preference-Applied"),
@@ -50,7 +48,7 @@ log = logging.getLogger(__name__)
 def build_app(context: Context) -> FastAPI:
     app = FastAPI(
         title="stilb",
-        version=read_version(),
+        version=software.read_version(),
         summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
         generate_unique_id_function=lambda route: route.name,
         # FastAPI's own pages load their scripts from elsewhere: service/pages/documentation.py has ours
@@ -70,8 +68,8 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(middleware.CarriesTraffic)
     app.state.context = context
     app.state.operations = {}
-    app.state.assets = Assets()
-    app.state.templates = build_environment(app.state.assets)
+    app.state.assets = rendering.Assets()
+    app.state.templates = rendering.build_environment(app.state.assets)
     problems.install(app)
     _install_database_problem(app)
     rendering.install(app)

@@ -13,16 +13,13 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
-from service.http import auth, changes, lookup, models, operations
-from service.http.answers import problems
+from service.http import answers, auth, changes, lookup, models, operations, problems
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, problem_body
 from service.jobs import watch
 from store import audit, jobs, tables
-from store.queries import by_id
+from store.queries import by_id, usage
 from store.queries import jobs as queries
-from store.queries.usage import add_jobs
 
 
 class JobAnswer(
@@ -44,7 +41,7 @@ class JobAnswer(
         error = None
         if row.error is not None:
             status = 422 if row.state == "failed" and row.traceback is None else 500
-            error = problem_body(row.error.get("status", status), **row.error)
+            error = problems.problem_body(row.error.get("status", status), **row.error)
         return cls.restate(
             row,
             error=error,
@@ -135,7 +132,7 @@ def queue(
     return reply_queued(session, job, frame)
 
 
-@router.get("", response_model=Page[JobAnswer], responses=problems(404))
+@router.get("", response_model=Page[JobAnswer], responses=answers.problems(404))
 def list_jobs(
     paging: UsesPaging,
     caller: auth.Reader,
@@ -212,7 +209,7 @@ async def get_job(
     return answer.respond(headers)
 
 
-@router.post("/retry", status_code=202, response_model=RetriedAnswer, responses=problems(404))
+@router.post("/retry", status_code=202, response_model=RetriedAnswer, responses=answers.problems(404))
 def retry_jobs(body: RetriedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try all jobs again that failed, or were quarantined, of a kind, by an error's code, of a campaign.
 
@@ -223,12 +220,12 @@ def retry_jobs(body: RetriedJobs, caller: auth.Reader, session: Session) -> chan
     if retried := jobs.retry(session, chosen):
         asked = body.model_dump(exclude_none=True)
         organisation = session.get_one(tables.Organisation, caller.organisation_id)
-        add_jobs(session, retried, organisation_id=organisation.id)
+        usage.add_jobs(session, retried, organisation_id=organisation.id)
         audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
     return changes.Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
 
 
-@router.post("/dismiss", response_model=DismissedAnswer, responses=problems(404))
+@router.post("/dismiss", response_model=DismissedAnswer, responses=answers.problems(404))
 def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> changes.Reply:
     """Dismiss jobs that failed, or were quarantined: no page lists them as failures any more.
 
@@ -241,7 +238,7 @@ def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> 
     return changes.Reply(status=200, body=DismissedAnswer(dismissed=count))
 
 
-@router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(409))
+@router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=answers.problems(409))
 def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> changes.Reply:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
     job = lookup.owned(session, tables.Job, job_id, caller)
@@ -249,7 +246,7 @@ def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> chang
     before = {"state": job.state, "error": job.error}
     if not jobs.retry(session, tables.Job.id == job.id):
         detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
-        raise Problem(interface.CONFLICT, detail)
+        raise problems.Problem(interface.CONFLICT, detail)
     audit.record_act(session, "retry", job, before, {"state": "queued"})
     session.refresh(job)
     (answer,) = _answers(session, [job])
@@ -286,7 +283,7 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
         "description": "Events with the fields `id`, `event` and `data`, which is JSON, as they happen.",
         "content": {_STREAM: {"schema": {}}},
     },
-    **problems(404),
+    **answers.problems(404),
 }
 LastEventId = Annotated[
     models.Text | None,

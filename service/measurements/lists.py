@@ -17,13 +17,11 @@ from fastapi.responses import JSONResponse
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography, map_plane
 from service.coefficients import series
-from service.http import answers, connections, lookup, operations, tables
+from service.http import answers, connections, lookup, models, operations, tables
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
-from service.http.models import Instant, Text, maybe
 from service.http.problems import Problem, wrong
-from service.measurements import maps
-from service.measurements.routes import OfCalibration
+from service.measurements import maps, routes
 from store.blobs import prove_file
 from store.queries.frame_times import Zones, read_frame_time
 from store.ready.rows import COLUMNS, read_row
@@ -84,12 +82,12 @@ router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 class MeasurementSeriesQuery(series.SeriesQuery):
-    campaign_id: Text | None = None
-    calibration_id: OfCalibration = None
-    start: Instant | None = maybe(
+    campaign_id: models.Text | None = None
+    calibration_id: routes.OfCalibration = None
+    start: models.Instant | None = models.maybe(
         "Of frames taken at this time or later, as far as the file names a time zone.", alias="from"
     )
-    end: Instant | None = maybe("Of frames taken before this time.", alias="to")
+    end: models.Instant | None = models.maybe("Of frames taken before this time.", alias="to")
 
 
 _COLUMNS = series.describe_columns(series.MeasurementSeriesRow)  # type: ignore[arg-type]
@@ -107,7 +105,7 @@ class GeoJson(JSONResponse):
     response_class=GeoJson,
 )
 def get_campaign_measurements_geojson(
-    campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
+    campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: routes.OfCalibration = None
 ) -> Response:
     """Every measurement of a campaign as a feature where its frame was taken, by that time."""
     with context.database.reading() as session:

@@ -14,19 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
-from radiometry import maps, records
+from radiometry import maps, methods, records
 from radiometry.findings import interface
 from radiometry.fitting.comparison import SUBTRACTED
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
-from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.http import auth, lookup, models
 from service.http.context import Context
 from service.http.problems import Problem
-from store import blobs, codec
+from store import blobs, codec, tables
 from store.measuring.version import read_lens
-from store.tables import Calibration, FrameRow, Measurement
 
 MOST_VALUES = 250_000
 
@@ -268,9 +266,9 @@ REGIONS_VIGNETTING: Final = (
 class OpenMap(records.Record):
     """A measurement's map, ready to be read."""
 
-    row: Measurement
-    frame: FrameRow
-    calibration: Calibration
+    row: tables.Measurement
+    frame: tables.FrameRow
+    calibration: tables.Calibration
     path: Path
     layout: Layout
     unit: str
@@ -300,7 +298,7 @@ class OpenMap(records.Record):
 
     def list_notes(self) -> list[str]:
         """Return sentences on what the uncertainty of a place does not contain."""
-        if not isinstance(get_method(self.row.method).application, SurfaceApplication):
+        if not isinstance(methods.get_method(self.row.method).application, SurfaceApplication):
             return [DISTORTION]
         return [DISTORTION, NO_VIGNETTING if self.vignetting == "none" else REGIONS_VIGNETTING]
 
@@ -317,13 +315,13 @@ def require_map(sha256: str | None) -> str:
 def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iterator[OpenMap]:
     """Open the map of a measurement; refuse one that was made without, and a picture."""
     with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
+        row = lookup.owned(session, tables.Measurement, measurement_id, caller)
         sha256 = require_map(row.map_tif_sha256)
-        if isinstance(get_method(row.method).application, PictureApplication):
+        if isinstance(methods.get_method(row.method).application, PictureApplication):
             detail = "An undistorted image is not a map of values: use its map.tif."
             raise Problem(interface.NOT_FOUND, detail)
-        frame = session.get_one(FrameRow, row.frame_id)
-        calibration = session.get_one(Calibration, row.calibration_id)
+        frame = session.get_one(tables.FrameRow, row.frame_id)
+        calibration = session.get_one(tables.Calibration, row.calibration_id)
     with context.files.local(sha256) as file:
         blobs.prove_file(file)
         layout = read_layout(file.path)
@@ -370,7 +368,7 @@ def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int
 
 def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
     """Return the shared relative uncertainty at places, with that of the vignetting correction there."""
-    known, application = found.uncertainty, get_method(found.row.method).application
+    known, application = found.uncertainty, methods.get_method(found.row.method).application
     lens = read_lens(found.calibration, codec.decode_exposure(found.frame.exposure or {})) if known else None
     if known is None or lens is None or not isinstance(application, SurfaceApplication):
         return None

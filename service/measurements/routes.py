@@ -19,19 +19,17 @@ from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
 from service.jobs.routes import JobAnswer, reply_queued
-from service.measurements import maps, requests
-from service.measurements.schemas import MeasurementAnswer
+from service.measurements import maps, requests, schemas
 from store import database, jobs
 from store.measuring.comparison import SURE, MeasurementComparison, Side, compare_measurements
 from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
-from store.queries import by_id
-from store.queries.calibrations import read_version_statuses
+from store.queries import by_id, calibrations
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
 OfCalibration = Annotated[models.Text | None, Query(description="Only those made with this version.")]
 
 
-def answer_measurements(session: Session, rows: list[Measurement]) -> list[MeasurementAnswer]:
+def answer_measurements(session: Session, rows: list[Measurement]) -> list[schemas.MeasurementAnswer]:
     """Measurements with their frames and versions, in a handful of queries however many they are."""
     frame_ids, version_ids = {row.frame_id for row in rows}, {row.calibration_id for row in rows}
     falloff_ids = {}
@@ -39,9 +37,9 @@ def answer_measurements(session: Session, rows: list[Measurement]) -> list[Measu
         if (corrector := get_method(row.method).corrected_by) and corrector in row.parameters:
             falloff_ids[row.id] = row.parameters[corrector]["calibration_id"]
     frames, versions = by_id(session, FrameRow, frame_ids), by_id(session, Calibration, version_ids)
-    status = read_version_statuses(session, sorted({*versions, *falloff_ids.values()}))
+    status = calibrations.read_version_statuses(session, sorted({*versions, *falloff_ids.values()}))
     return [
-        MeasurementAnswer.of(
+        schemas.MeasurementAnswer.of(
             row,
             frames[row.frame_id],
             versions[row.calibration_id],
@@ -128,7 +126,7 @@ def start_campaign_measurements(
     return changes.Reply(status=202, body=answer, jobs=list(started))
 
 
-@router.get("/measurements", response_model=Page[MeasurementAnswer])
+@router.get("/measurements", response_model=Page[schemas.MeasurementAnswer])
 def list_measurements(
     paging: UsesPaging,
     caller: auth.Reader,
@@ -149,7 +147,7 @@ def list_measurements(
     return paging.send(session, rows, lambda found: answer_measurements(session, found), newest_first=True)
 
 
-@router.get("/measurements/{measurement_id}", **answers.sends(MeasurementAnswer))
+@router.get("/measurements/{measurement_id}", **answers.sends(schemas.MeasurementAnswer))
 def get_measurement(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, session: Session
 ) -> Response:

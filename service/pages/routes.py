@@ -12,21 +12,17 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.frame.multispectral import NAMED_INDICES
-from radiometry.methods import get_method
 from service.equipment.routes import Versions
-from service.http import auth, counts, operations, problems, signatures
+from service.http import auth, counts, models, operations, problems, signatures
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.models import Text
 from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage, render
 from service.roads import routes as roads
 from service.roads.drawing import draw_map
 from service.tools.routes import describe_tools
 from store import tables
-from store.queries import calibrations, evidence, fleet
-from store.queries.organisations import find_ended_key, find_key
-from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig, Road
+from store.queries import calibrations, evidence, fleet, organisations
 
 _PLAIN: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
     "/": ("home", "Start", {}),
@@ -61,8 +57,8 @@ for _address, _plain in _PLAIN.items():
 
 @router.get("/campaigns/{campaign_id}")
 def show_campaign(campaign_id: Id, page: SignedInPage, session: Session) -> Response:
-    campaign = owned(session, Campaign, campaign_id, page.caller)
-    camera = session.get_one(Camera, campaign.camera_id)
+    campaign = owned(session, tables.Campaign, campaign_id, page.caller)
+    camera = session.get_one(tables.Camera, campaign.camera_id)
     spec = methods.get_method(campaign.method)
     return page.render(
         "campaign.html",
@@ -76,10 +72,10 @@ def show_campaign(campaign_id: Id, page: SignedInPage, session: Session) -> Resp
 
 @router.get("/calibrations/{calibration_id}")
 def show_calibration(calibration_id: Id, page: SignedInPage, session: Session) -> Response:
-    calibration = owned(session, Calibration, calibration_id, page.caller)
-    camera = session.get_one(Camera, calibration.camera_id)
-    campaign = session.get_one(Campaign, calibration.campaign_id)
-    spec = get_method(calibration.method)
+    calibration = owned(session, tables.Calibration, calibration_id, page.caller)
+    camera = session.get_one(tables.Camera, calibration.camera_id)
+    campaign = session.get_one(tables.Campaign, calibration.campaign_id)
+    spec = methods.get_method(calibration.method)
     return page.render(
         "calibration.html",
         title=f"{spec.label} version {calibration.version}",
@@ -95,9 +91,9 @@ def show_plot(
     calibration_id: Id, name: str, caller: auth.Reader, session: Session, view: Annotated[View, Depends()]
 ) -> Response:
     """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
-    calibration = owned(session, Calibration, calibration_id, caller)
-    campaign = session.get_one(Campaign, calibration.campaign_id)
-    plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
+    calibration = owned(session, tables.Calibration, calibration_id, caller)
+    campaign = session.get_one(tables.Campaign, calibration.campaign_id)
+    plot = next((each for each in methods.get_method(calibration.method).plots if each.name == name), None)
     if plot is None:
         raise problems.Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
     used = {each["sha256"] for each in calibration.inputs["frames"]}
@@ -116,17 +112,17 @@ def show_plot(
 
 
 @router.get("/measurements/comparison")
-def show_comparison(page: SignedInPage, session: Session, old: Text, new: Text) -> Response:
+def show_comparison(page: SignedInPage, session: Session, old: models.Text, new: models.Text) -> Response:
     for named in (old, new):
-        owned(session, Measurement, named, page.caller)
+        owned(session, tables.Measurement, named, page.caller)
     return page.render("comparison.html", title="Compare measurements", old=old, new=new)
 
 
 @router.get("/measurements/{measurement_id}")
 def show_measurement(measurement_id: Id, page: SignedInPage, session: Session) -> Response:
-    measurement = owned(session, Measurement, measurement_id, page.caller)
-    frame = session.get_one(FrameRow, measurement.frame_id)
-    calibration = session.get_one(Calibration, measurement.calibration_id)
+    measurement = owned(session, tables.Measurement, measurement_id, page.caller)
+    frame = session.get_one(tables.FrameRow, measurement.frame_id)
+    calibration = session.get_one(tables.Calibration, measurement.calibration_id)
     return page.render(
         "measurement.html", title=frame.filename, measurement=measurement, calibration=calibration
     )
@@ -134,7 +130,7 @@ def show_measurement(measurement_id: Id, page: SignedInPage, session: Session) -
 
 @router.get("/rigs/{rig_id}")
 def show_rig(rig_id: Id, page: SignedInPage, session: Session, chosen: Versions) -> Response:
-    rig = owned(session, Rig, rig_id, page.caller)
+    rig = owned(session, tables.Rig, rig_id, page.caller)
     cameras = fleet.list_cameras(session, rig)
     given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
     return page.render(
@@ -144,12 +140,12 @@ def show_rig(rig_id: Id, page: SignedInPage, session: Session, chosen: Versions)
 
 @router.get("/roads/{road_id}")
 def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
-    road = owned(session, Road, road_id, page.caller)
+    road = owned(session, tables.Road, road_id, page.caller)
     return page.render("road.html", title=road.name, road=road)
 
 
 @router.get("/plots/roads/{road_id}/{number}")
-def show_road_map(row: roads.UsesResult, context: UsesContext, layers: Text, *, upright: bool) -> Response:
+def show_road_map(row: roads.UsesResult, context: UsesContext, layers: models.Text, *, upright: bool) -> Response:
     """Answer the map of an evaluation with its lanes and points; upright as one walks it."""
     result = roads.answer_result(context, row).dump()
     if row.map_png_sha256 is None:
@@ -197,8 +193,8 @@ def sign_in(
     if wait_s > 0:
         return _too_many(request, next, wait_s)
     with context.database.reading() as session:
-        found = find_key(session, key)
-        ended = None if found else find_ended_key(session, key)
+        found = organisations.find_key(session, key)
+        ended = None if found else organisations.find_ended_key(session, key)
     unfit = ended or (found[0] if found and "read" not in found[0].scopes else None)
     if found is None or unfit is not None:
         return _refuse(request, context, next, address, unfit)

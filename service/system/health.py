@@ -24,12 +24,10 @@ from sqlalchemy.orm import Session
 from radiometry.findings import Finding as Entry
 from radiometry.findings import interface
 from radiometry.records import Record
-from store import files, software
+from store import files, jobs, software, tables
 from store.blobs import Blobs, Damage, StorageFull, StorageUnavailable
 from store.database import Database, SchemaDiffers, require_own_schema
-from store.jobs import Dependency, processes
 from store.queries.jobs import QueueCounts, Totals, count_queue, count_totals
-from store.tables import PartRow, campaign, job
 
 ANSWER_WITHIN_S = 1.5
 _SILENT_AFTER_S = 2.5
@@ -54,7 +52,7 @@ class Finding(Record):
 
 class Report(Record):
     findings: list[Finding]
-    parts: list[processes.Part]
+    parts: list[jobs.processes.Part]
     damaged_files: int
 
     @property
@@ -160,15 +158,15 @@ class Health:
         parts, damaged_files = self._read.found or ([], 0)
         return Report(findings=findings, parts=parts, damaged_files=damaged_files)
 
-    def _look_at_rows(self) -> tuple[list[processes.Part], int]:
+    def _look_at_rows(self) -> tuple[list[jobs.processes.Part], int]:
         with self._database.reading() as session:
             require_own_schema(session)
-            return processes.list_parts(session), sum(files.count_damaged(session).values())
+            return jobs.processes.list_parts(session), sum(files.count_damaged(session).values())
 
     def _try_a_write(self) -> None:
         """Go the way of a write up to the rows: a server that only reads, or a held lock, stops it."""
         with self._database.writing("health") as session:
-            session.execute(delete(PartRow).where(PartRow.id == _NOBODY))
+            session.execute(delete(tables.PartRow).where(tables.PartRow.id == _NOBODY))
 
 
 disable_created_metrics()  # type: ignore[no-untyped-call]
@@ -235,16 +233,16 @@ class _Collected(Collector):
 
 def _collect(queue: QueueCounts, totals: Totals, free_bytes: int) -> Iterator[Metric]:
     """Every state has its row, also where it counts none: a graph then falls to zero, not to nothing."""
-    waiting, away = _all(queue.waiting_for, Dependency), _all(queue.workers_without, Dependency)
+    waiting, away = _all(queue.waiting_for, jobs.Dependency), _all(queue.workers_without, jobs.Dependency)
     damaged = _all(totals.damaged_files, get_args(Damage))
     quotas = totals.largest_organisation
     by_label: tuple[tuple[str, str, str, Mapping[str, float]], ...] = (
-        ("jobs", "Jobs by state.", "state", _all(totals.jobs | queue.jobs, get_args(job.JobState))),
+        ("jobs", "Jobs by state.", "state", _all(totals.jobs | queue.jobs, get_args(tables.job.JobState))),
         ("jobs_failed", "Failed or quarantined jobs by their error's code.", "code", queue.failures),
         ("jobs_waiting_for", "Queued jobs whose last attempt found this away.", "dependency", waiting),
         ("workers_without", "Workers that hold jobs back, as this does not serve.", "dependency", away),
         ("worker_sandbox", "Workers by the level of their decoders' sandbox.", "level", queue.sandboxes),
-        ("frames", "Frames by state.", "state", _all(totals.frames, get_args(campaign.FrameState))),
+        ("frames", "Frames by state.", "state", _all(totals.frames, get_args(tables.campaign.FrameState))),
         ("refusals", "Refused frames by the code of their refusal.", "code", totals.refusals),
         ("damaged_files", "Files unlike their upload; the same upload heals one.", "state", damaged),
         ("largest_organisation", "The most that any organisation uses of a quota.", "quota", quotas),
@@ -270,7 +268,7 @@ def _collect(queue: QueueCounts, totals: Totals, free_bytes: int) -> Iterator[Me
     ):
         yield GaugeMetricFamily(f"stilb_{name}", meaning, value)
     parts = GaugeMetricFamily("stilb_parts", "Processes by kind and state.", labels=("kind", "state"))
-    for kind, state in product(get_args(processes.Kind), get_args(processes.State)):
+    for kind, state in product(get_args(jobs.processes.Kind), get_args(jobs.processes.State)):
         parts.add_metric((kind, state), queue.count_parts(kind, state))
     yield parts
     yield _show_durations(queue.parts)
@@ -280,14 +278,14 @@ def _all(counts: Mapping[str, int], states: Iterable[str]) -> dict[str, int]:
     return {str(state): counts.get(state, 0) for state in states}
 
 
-def _show_durations(parts: Iterable[processes.Part]) -> Metric:
+def _show_durations(parts: Iterable[jobs.processes.Part]) -> Metric:
     # by slot: a successor counts from zero, as Prometheus expects of a restart
     family = HistogramMetricFamily(
         "stilb_job_duration_seconds",
         "Time that a worker took for a job, by worker since its start.",
         labels=("kind", "part"),
     )
-    bounds = [*map(str, processes.BOUNDS_S), "+Inf"]
+    bounds = [*map(str, jobs.processes.BOUNDS_S), "+Inf"]
     for part in parts:
         for kind, (*counts, sum_s) in part.details.get("job_seconds", {}).items():
             buckets = list(zip(bounds, accumulate(counts), strict=True))

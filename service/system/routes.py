@@ -9,9 +9,8 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from service.http import answers, auth, models, operations, problems
+from service.http import answers, auth, models, operations, problems, processes
 from service.http.context import UsesContext
-from service.http.processes import stopping
 from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
 from store.jobs.processes import Part
 from store.queries.jobs import count_queue
@@ -80,7 +79,7 @@ async def get_readyz(request: Request, context: UsesContext) -> Response:
     Answers within two seconds. `degraded`, and 200, without a worker: what is sent is kept, and waits.
     """
     if context.traffic.stopping:
-        raise stopping()
+        raise processes.stopping()
     is_told = context.settings.health_for == "everybody" or "authorization" in request.headers
     if is_told:
         await require_operator(request, context)

@@ -8,22 +8,11 @@ from fastapi import Depends, Query, Request, Response
 from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.tools import coverage, exponents, motion
-from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
-from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.calibrations.schemas import FlagRaised
-from service.http import auth, changes, models, operations
+from service.http import auth, changes, models, operations, tables
 from service.http.models import Answer, Form, Number, Quantity, Text
 from service.http.problems import wrong
-from service.http.tables import (
-    UNREAD,
-    Kind,
-    OneOrMany,
-    is_table,
-    read_sheet,
-    read_sheet_or_document,
-    refuse_columns,
-)
 
 MOST_CASES = 1000
 
@@ -43,7 +32,7 @@ class NewCoverage(Form):
 
     name: Text | None = models.maybe("Given back, to find it in a rig.")
     height_m: Metres
-    tilt_deg: Number = models.told("0 looks straight down.", ge=0, le=MOST_TILT_DEG)
+    tilt_deg: Number = models.told("0 looks straight down.", ge=0, le=coverage.MOST_TILT_DEG)
     azimuth_deg: Number = models.told(
         "Where the tilt points, clockwise from y of the footprint.", default=0.0, ge=-360, le=360
     )
@@ -52,8 +41,8 @@ class NewCoverage(Form):
     sensor_height_mm: SensorSide = models.told("Along the tilt.")
     pixel_pitch_um: PixelPitch
 
-    def view(self) -> View:
-        return View(**self.model_dump(exclude={"name"}))
+    def view(self) -> coverage.View:
+        return coverage.View(**self.model_dump(exclude={"name"}))
 
 
 class FieldOfView(Answer):
@@ -61,7 +50,7 @@ class FieldOfView(Answer):
     vertical: float = models.told("Degrees.")
 
 
-class CoverageAnswer(Answer, restates=Coverage, without="horizontal_fov_deg vertical_fov_deg"):
+class CoverageAnswer(Answer, restates=coverage.Coverage, without="horizontal_fov_deg vertical_fov_deg"):
     """Ground coverage; what lies above the horizon is left out and named."""
 
     name: str | None = None
@@ -168,21 +157,21 @@ class NewMotion(Form):
     rotation_rate_deg_s: Rate | None = models.maybe("About an axis across the line of sight.")
     ground_speed_m_s: Rate | None = models.maybe("Across the line of sight.")
     ground_speed_km_h: Rate | None = models.maybe("In place of ground_speed_m_s, never with it.")
-    limit_px: Limit = USUAL_LIMIT_PX
+    limit_px: Limit = motion.USUAL_LIMIT_PX
 
     @model_validator(mode="after")
     def _one_speed(self) -> "NewMotion":
         refuse_two_speeds(self)
         return self
 
-    def case(self) -> MotionCase:
+    def case(self) -> motion.MotionCase:
         said = self.model_dump(exclude={"name", "ground_speed_km_h"})
         if self.ground_speed_km_h is not None:
             said["ground_speed_m_s"] = self.ground_speed_km_h / KM_H_PER_M_S
-        return MotionCase(**said)
+        return motion.MotionCase(**said)
 
 
-class MotionAnswer(Answer, restates=Motion):
+class MotionAnswer(Answer, restates=motion.Motion):
     """Blur in pixels; what was not asked for is left out. Limits are of the theoretical motion."""
 
     name: str | None = None
@@ -227,9 +216,9 @@ def read_series(data: bytes, told: ExposureTable) -> NewExposureSeries:
     def name_fields(columns: list[str]) -> list[str]:
         return _name_fields(columns, told.signal, usual)
 
-    kind = Kind(numbers=_FIELDS, most=MOST_ROWS, rows_are="rows", usual=usual)
+    kind = tables.Kind(numbers=_FIELDS, most=MOST_ROWS, rows_are="rows", usual=usual)
     dark = {} if told.dark_dn is None else {"dark_dn": told.dark_dn}
-    rows = read_sheet(data, ExposureRow, kind, name_fields)
+    rows = tables.read_sheet(data, ExposureRow, kind, name_fields)
     return NewExposureSeries(rows=rows, white_level_dn=told.white_level_dn, **dark)
 
 
@@ -246,16 +235,17 @@ def _name_fields(columns: list[str], wanted: str | None, usual: Collection[str])
     signal = _find_signal(columns, wanted)
     others = {*_CHANNELS, _SIGNAL} - {signal}
     fields = [
-        _SIGNAL if name == signal else UNREAD if name in others else _ALSO.get(name, name) for name in columns
+        _SIGNAL if name == signal else tables.UNREAD if name in others else _ALSO.get(name, name)
+        for name in columns
     ]
-    read = [name for name in fields if name != UNREAD]
+    read = [name for name in fields if name != tables.UNREAD]
     if not set(read) <= _FIELDS or len(set(read)) < len(read) or "" in columns:
         message = f"must name columns of {', '.join(ExposureRow.model_fields)}, each at most once"
-        raise refuse_columns(message, columns)
+        raise tables.refuse_columns(message, columns)
     for name in _SETTINGS:
         if name not in fields and name not in usual:
             message = f"lacks {name}; add its column, or say in the query what it was in all rows"
-            raise refuse_columns(message, columns)
+            raise tables.refuse_columns(message, columns)
     return fields
 
 
@@ -268,10 +258,10 @@ def _find_signal(columns: list[str], wanted: str | None) -> str:
     if _SIGNAL in columns:
         return _SIGNAL
     if not (found := [name for name in columns if name in _CHANNELS]):
-        raise refuse_columns(f"lacks {_SIGNAL}", columns)
+        raise tables.refuse_columns(f"lacks {_SIGNAL}", columns)
     if len(found) > 1:
         message = f"holds the signals of {', '.join(found)}; name one in the query, as signal={found[0]}"
-        raise refuse_columns(message, columns)
+        raise tables.refuse_columns(message, columns)
     return found[0]
 
 
@@ -292,22 +282,24 @@ def _read_table(data: bytes, form: type[F]) -> list[F]:
     def name_fields(columns: list[str]) -> list[str]:
         if not set(columns) <= form.model_fields.keys() or len(set(columns)) < len(columns):
             message = f"must name columns of {', '.join(form.model_fields)}, each at most once"
-            raise refuse_columns(message, columns)
+            raise tables.refuse_columns(message, columns)
         return columns
 
     numbers = frozenset(form.model_fields) - {"name"}
-    return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields)
+    return tables.read_sheet(
+        data, form, tables.Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields
+    )
 
 
-def _take_one_or_many(form: type[F]) -> OneOrMany[F]:
-    return OneOrMany(form, MOST_CASES, partial(_read_table, form=form))
+def _take_one_or_many(form: type[F]) -> tables.OneOrMany[F]:
+    return tables.OneOrMany(form, MOST_CASES, partial(_read_table, form=form))
 
 
 async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:
     """JSON that says all, or a table and in the query what the table does not say."""
-    if not is_table(request):
+    if not tables.is_table(request):
         refuse_query(table)
-    return await read_sheet_or_document(
+    return await tables.read_sheet_or_document(
         request, partial(read_series, told=table), NewExposureSeries.model_validate
     )
 

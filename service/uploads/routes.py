@@ -19,15 +19,13 @@ from service.http import answers, changes, lookup, models, operations, problems
 from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
 from service.measurements.requests import read_region
-from service.uploads import tus
-from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame, require_size
+from service.uploads import frames, tus
 from service.uploads.tus import answer
 from store.blobs import StoredBlob
 from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial
-from store.queries import group_by
+from store.queries import group_by, organisations
 from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
-from store.queries.organisations import find_key, find_key_by_id
 from store.tables import Campaign, FrameRow, campaign
 
 MOST_HASHES = 1000
@@ -87,7 +85,7 @@ def describe_uploads() -> Response:
         "Tus-Version": tus.TUS,
         "Tus-Extension": "creation,creation-with-upload,checksum,expiration,termination",
         "Tus-Checksum-Algorithm": "sha256",
-        "Tus-Max-Size": str(MAX_FILE_BYTES),
+        "Tus-Max-Size": str(frames.MAX_FILE_BYTES),
     }
     return Response(status_code=204, headers=headers)
 
@@ -116,7 +114,7 @@ async def begin_upload(
     """
     tus.check_protocol(headers)
     size_bytes = tus.read_count(headers.length, "Upload-Length")
-    require_size(size_bytes)
+    frames.require_size(size_bytes)
     said = tus.read_metadata(headers.metadata)
     frame = tus.read_said(said)
     address, partial = await run_in_threadpool(
@@ -205,7 +203,7 @@ def _begin(
             raise problems.Problem(interface.TOO_MANY_UPLOADS, detail, headers={"Retry-After": "60"})
         file = (frame.campaign_id, caller, frame.sha256, size_bytes)
         try:
-            admit(context, *file, role=frame.role, begin=lambda: partials.begin(token, facts))
+            frames.admit(context, *file, role=frame.role, begin=lambda: partials.begin(token, facts))
         except FactsTooLong:
             raise problems.wrong("header.Upload-Metadata", "is too long") from None
     if (partial := partials.find(token, organisation_id)) is None:
@@ -233,7 +231,7 @@ def _find(context: Context, request: Request, upload_id: str) -> Partial:
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         with context.database.reading() as session:
-            sent = find_key(session, secret.strip())
+            sent = organisations.find_key(session, secret.strip())
         if sent is None or sent[1].id != caller.organisation_id:
             raise problems.not_found("upload")
     return partial
@@ -242,7 +240,7 @@ def _find(context: Context, request: Request, upload_id: str) -> Partial:
 def _find_caller(context: Context, facts: Facts) -> Caller:
     """Return who began an upload, if the key is still in force and may upload."""
     with context.database.reading() as session:
-        found = find_key_by_id(session, facts.key_id)
+        found = organisations.find_key_by_id(session, facts.key_id)
     if found is None:
         raise problems.not_found("upload")
     return Caller.holding(*found)
@@ -282,7 +280,7 @@ def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBl
 
 async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: StoredBlob) -> None:
     upload = Upload.model_validate(facts.said)
-    answer = await keep_frame(
+    answer = await frames.keep_frame(
         context,
         changes.Writing(context, None, ""),
         await run_in_threadpool(_find_caller, context, facts),
