@@ -13,9 +13,8 @@ from service.calibrations.schemas import Gap, PersonAnswer
 from service.equipment.schemas import Certificate as MeterCertificate
 from service.equipment.schemas import Lens
 from service.http.models import Answer, Instant, Method, maybe, told
-from store.queries.calibrations import VersionStatus
+from store.queries import calibrations, organisations
 from store.queries.checklist import ChecklistItem
-from store.queries.organisations import UNNAMED_LABORATORY
 from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Publication, Reading
 
 DaysFrom = Literal["readings", "campaign", "frames"]
@@ -184,7 +183,7 @@ class Revoked(Answer):
     reason: str
 
 
-class Validity(Answer, restates=VersionStatus, fields="state valid_from valid_to"):
+class Validity(Answer, restates=calibrations.VersionStatus, fields="state valid_from valid_to"):
     revoked: Revoked | None = None
 
 
@@ -255,7 +254,7 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Gap]:
     for value, code in (
         (certificate.approved_by if certificate.published else "a draft", interface.APPROVER_MISSING),
         (certificate.fitted_by, interface.AUTHOR_MISSING),
-        (None if name == UNNAMED_LABORATORY else name, interface.LABORATORY_NAME_MISSING),
+        (None if name == organisations.UNNAMED_LABORATORY else name, interface.LABORATORY_NAME_MISSING),
         (certificate.laboratory.address, interface.LABORATORY_ADDRESS_MISSING),
         (work.customer, interface.CUSTOMER_MISSING),
         (work.place, interface.PLACE_MISSING),

@@ -19,9 +19,8 @@ from radiometry.findings import interface
 from radiometry.records import Record
 from service.http import auth, models, problems
 from service.http.context import Context, UsesContext
-from store.log_fields import present_fields
+from store import log_fields, tables
 from store.queries.usage import charge
-from store.tables import IdempotentAnswer, Job
 
 _ATTEMPTS = 3
 REPLAYED = "Idempotent-Replayed"
@@ -35,7 +34,7 @@ class Reply(Record):
     status: int
     body: models.Answer
     headers: dict[str, str] = field(default_factory=dict)
-    jobs: list[Job] = field(default_factory=list)
+    jobs: list[tables.Job] = field(default_factory=list)
     frame_bytes: Sequence[int] = ()
     """Size of each frame that was added, which counts for the quotas."""
     had_room: bool = False
@@ -49,7 +48,7 @@ class Writing:
         self.context = context
         self._key = key
         self._fingerprint = fingerprint
-        self._fields = present_fields()
+        self._fields = log_fields.present_fields()
 
     def with_content(self, sha256: str) -> "Writing":
         """The same, for a request whose body was streamed and is known by its hash."""
@@ -67,7 +66,7 @@ class Writing:
     def _keep(self, session: Session, caller: auth.Caller, reply: Reply) -> None:
         if self._key is not None:
             session.add(
-                IdempotentAnswer(
+                tables.IdempotentAnswer(
                     organisation_id=caller.organisation_id,
                     key=self._key,
                     fingerprint=self._digest(),
@@ -77,10 +76,10 @@ class Writing:
                 )
             )
 
-    def _earlier(self, session: Session, caller: auth.Caller) -> IdempotentAnswer | None:
+    def _earlier(self, session: Session, caller: auth.Caller) -> tables.IdempotentAnswer | None:
         if self._key is None:
             return None
-        earlier = session.get(IdempotentAnswer, (caller.organisation_id, self._key))
+        earlier = session.get(tables.IdempotentAnswer, (caller.organisation_id, self._key))
         if earlier is not None and earlier.fingerprint != self._digest():
             detail = "This Idempotency-Key was used for another request. Use a new one for each new request."
             raise problems.Problem(interface.IDEMPOTENCY_KEY_REUSED, detail)
@@ -137,7 +136,7 @@ def _run_all(
     return found
 
 
-def _replay(earlier: IdempotentAnswer) -> JSONResponse:
+def _replay(earlier: tables.IdempotentAnswer) -> JSONResponse:
     return JSONResponse(earlier.body, earlier.status, {**earlier.headers, REPLAYED: "true"})
 
 

@@ -21,8 +21,7 @@ from service.http.problems import Problem, wrong
 from service.jobs.routes import JobAnswer, reply_queued
 from service.measurements import maps, requests, schemas
 from store import database, jobs
-from store.measuring.comparison import SURE, MeasurementComparison, Side, compare_measurements
-from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
+from store.measuring import comparison, plan
 from store.queries import by_id, calibrations
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
@@ -88,7 +87,7 @@ def start_measurement(
     """
     frame, *_ = (lookup.owned(session, FrameRow, each, caller) for each in body.list_frames())
     asked, named = _read_asked(body), _named(session, body, caller)
-    job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
+    job = _enqueue(session, frame, asked, named, caller, plan.Captures(session), lane="measure")
     return reply_queued(session, job)
 
 
@@ -107,7 +106,7 @@ def start_campaign_measurements(
     come from another campaign of the same camera.
     """
     campaign = lookup.owned(session, Campaign, campaign_id, caller)
-    named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
+    named, asked, captures = _named(session, body, caller), _read_asked(body), plan.Captures(session)
     started: dict[Job, None] = {}
     refused: list[requests.NotMeasured] = []
     for frame in _field_frames(session, campaign):
@@ -174,7 +173,7 @@ def get_measurement_record(
     if (unchanged := answers.not_modified(request, tag := f"{row.content_sha256}-record")) is not None:
         return unchanged
     calibration = session.get_one(Calibration, row.calibration_id)
-    more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
+    more = [*row.parameters.get("repeats", []), *plan.list_others(row.parameters)]
     ids = [row.frame_id, *(named["frame_id"] for named in more)]
     return MeasurementRecord.restate(
         row,
@@ -209,9 +208,9 @@ def get_measurement_picture(
     return _send_map(request, context, _owned(context, measurement_id, caller), "png")
 
 
-def _read_asked(body: requests.MeasurementOptions) -> Asked:
+def _read_asked(body: requests.MeasurementOptions) -> plan.Asked:
     grid, lanes = requests.read_grid(body.grid) if body.grid is not None else (None, None)
-    return Asked(
+    return plan.Asked(
         polygon=requests.read_roi(body.roi).polygon if body.roi is not None else None,
         grid=grid,
         lanes=lanes,
@@ -230,21 +229,21 @@ def _named(session: Session, body: requests.MeasurementOptions, caller: auth.Cal
 def _enqueue(
     session: Session,
     frame: FrameRow,
-    asked: Asked,
+    asked: plan.Asked,
     named: Calibration | None,
     caller: auth.Caller,
-    captures: Captures,
+    captures: plan.Captures,
     *,
     lane: str,
 ) -> Job:
-    subject = find_subject(session, frame, asked, captures)
+    subject = plan.find_subject(session, frame, asked, captures)
     return jobs.enqueue(
         session,
         kind="measure",
         subject_id=subject.id,
         organisation_id=caller.organisation_id,
         by=caller.key_id,
-        parameters=plan_measurement(session, subject, asked, named, captures),
+        parameters=plan.plan_measurement(session, subject, asked, named, captures),
         lane=lane,
     )
 
@@ -288,7 +287,7 @@ class Measured(models.Answer):
     region_origin: str = models.told("Source of the region, as in the measurement.")
 
     @classmethod
-    def of(cls, side: Side) -> "Measured":
+    def of(cls, side: comparison.Side) -> "Measured":
         return cls.restate(side, side.frame.header or {}, side.frame, measurement_id=side.measurement.id)
 
 
@@ -312,7 +311,7 @@ class ContrastAnswer(Compared):
     )
 
 
-def _format_verdict(found: MeasurementComparison) -> str:
+def _format_verdict(found: comparison.MeasurementComparison) -> str:
     mean = found.mean
     if mean.in_standard_uncertainties is None:
         return "Both are exactly equal." if mean.difference.value == 0.0 else "Neither has an uncertainty."
@@ -321,7 +320,7 @@ def _format_verdict(found: MeasurementComparison) -> str:
     moved = "rose" if mean.difference.value > 0.0 else "fell"
     times = f"{mean.in_standard_uncertainties:.2g} times the uncertainty of the difference"
     verdict = "a significant change" if found.is_significant else "not a significant change"
-    if found.confusion_rel is not None and mean.in_standard_uncertainties >= SURE:
+    if found.confusion_rel is not None and mean.in_standard_uncertainties >= comparison.SURE:
         verdict += (
             f". Lamps of another type can show up to {found.confusion_rel:.0%} without any: state the "
             "light of both, or that it is the same"
@@ -352,7 +351,7 @@ def contrast_measurements(
     was, is_now = before.summary.measured, after.summary.measured
     if was != is_now:
         raise wrong("query.old", f"is of {was}, the other of {is_now}: compare like with like")
-    found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
+    found = comparison.compare_measurements(before, after, other_region=other_region, same_light=same_light)
     return ContrastAnswer.restate(
         found.mean,
         found,
@@ -364,12 +363,12 @@ def contrast_measurements(
     ).respond()
 
 
-def _side(session: Session, measurement_id: str, caller: auth.Caller) -> Side:
+def _side(session: Session, measurement_id: str, caller: auth.Caller) -> comparison.Side:
     row = lookup.owned(session, Measurement, measurement_id, caller)
     application = get_method(row.method).application
     if isinstance(application, PictureApplication):
         raise wrong("query.old", f"is an {application.quantity} and has no value to compare")
-    return Side(
+    return comparison.Side(
         measurement=row,
         frame=session.get_one(FrameRow, row.frame_id),
         calibration=session.get_one(Calibration, row.calibration_id),

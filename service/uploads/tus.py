@@ -18,8 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.findings import interface
 from radiometry.records import Record
 from service.frames.schemas import Upload
-from service.http.models import Sha256, Text
-from service.http.problems import Problem, invalid, located, not_found, wrong
+from service.http import models, problems
 from service.measurements.requests import read_region
 from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
 
@@ -81,19 +80,19 @@ UsesHeaders = Annotated[UploadHeaders, Depends()]
 class FrameSaid(Upload):
     """Statements about a file, made before its first byte."""
 
-    campaign_id: Text
-    sha256: Sha256 | None = None
+    campaign_id: models.Text
+    sha256: models.Sha256 | None = None
 
 
 def check_protocol(headers: UploadHeaders) -> None:
     if headers.tus_version != TUS:
         detail = "Send Tus-Resumable: 1.0.0."
-        raise Problem(interface.UPLOAD_VERSION, detail, headers={"Tus-Version": TUS})
+        raise problems.Problem(interface.UPLOAD_VERSION, detail, headers={"Tus-Version": TUS})
 
 
 def read_count(text: str | None, name: str) -> int:
     if text is None or re.fullmatch(_COUNT, text) is None:
-        raise wrong(f"header.{name}", "must be a count of bytes")
+        raise problems.wrong(f"header.{name}", "must be a count of bytes")
     return int(text)
 
 
@@ -104,7 +103,7 @@ def read_metadata(text: str | None) -> dict[str, str]:
         said = {name: base64.b64decode("".join(value), validate=True).decode() for name, *value in pairs}
     except ValueError:
         message = "must be names with their values in Base64, separated by commas"
-        raise wrong("header.Upload-Metadata", message) from None
+        raise problems.wrong("header.Upload-Metadata", message) from None
     if "filename" not in said and "name" in said:
         said["filename"] = said["name"]
     return {name: value for name, value in said.items() if name not in _OF_BROWSERS}
@@ -114,7 +113,7 @@ def read_said(said: dict[str, str]) -> FrameSaid:
     try:
         frame = FrameSaid.model_validate(said)
     except ValidationError as error:
-        raise invalid(located(error, "header", "Upload-Metadata")) from None
+        raise problems.invalid(problems.located(error, "header", "Upload-Metadata")) from None
     if frame.roi is not None:
         read_region(frame.roi)
     return frame
@@ -129,7 +128,7 @@ def read_checksum(text: str | None) -> bytes | None:
     except ValueError:
         value = b""
     if algorithm != "sha256" or len(value) != hashlib.sha256().digest_size:
-        raise Problem(
+        raise problems.Problem(
             interface.BAD_REQUEST, "Upload-Checksum takes sha256 and the digest of the piece in Base64."
         )
     return value
@@ -168,16 +167,16 @@ async def append(request: Request, partial: Partial, begins: int, checksum: str 
         with await run_in_threadpool(partial.claim, begins) as claim:
             await _Piece(request, claim, facts, piecewise=not whole_or_not).take(expected)
     except OtherOffset as error:
-        raise Problem(
+        raise problems.Problem(
             interface.UPLOAD_OFFSET_DIFFERS,
             f"{error.durable_bytes} bytes have arrived; this piece begins at {begins}.",
             headers={"Upload-Offset": str(error.durable_bytes)},
         ) from None
     except Superseded:
         detail = "Another connection has taken this upload over."
-        raise Problem(interface.UPLOAD_OFFSET_DIFFERS, detail) from None
+        raise problems.Problem(interface.UPLOAD_OFFSET_DIFFERS, detail) from None
     except FileNotFoundError:
-        raise not_found("upload") from None
+        raise problems.not_found("upload") from None
 
 
 @dataclass
@@ -207,7 +206,7 @@ class _Piece:
         await run_in_threadpool(self._store, keep=False)
         if expected not in {None, self._hash.digest()}:
             detail = "The piece is not the one of Upload-Checksum. Send it again."
-            raise Problem(interface.UPLOAD_CHECKSUM_DIFFERS, detail)
+            raise problems.Problem(interface.UPLOAD_CHECKSUM_DIFFERS, detail)
         await run_in_threadpool(self.claim.keep)
 
     async def _copy(self) -> None:
@@ -223,7 +222,7 @@ class _Piece:
                     continue
                 message = next_message.result()
                 if message["type"] != "http.request":
-                    raise Problem(
+                    raise problems.Problem(
                         interface.UPLOAD_INCOMPLETE, "The connection was lost before the end of the piece."
                     )
                 size += len(message.get("body", b""))
@@ -249,7 +248,7 @@ class _Piece:
             self._kept_at = time.monotonic()
 
 
-def _beyond(facts: Facts) -> Problem:
-    return Problem(
+def _beyond(facts: Facts) -> problems.Problem:
+    return problems.Problem(
         interface.UPLOAD_TOO_LARGE, f"More bytes came than the {facts.size_bytes} that Upload-Length states."
     )
