@@ -11,7 +11,8 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.http.context import Context
-from store import blobs, files, sandbox, software, tables
+from store import blobs, files, software, tables
+from store.sandbox import build_command, build_environment
 
 Order = dict[str, Any]
 
@@ -79,8 +80,8 @@ def render_apart(order: bytes, *, require: bool = False, first: bool = False) ->
     """Render in a process that ends, shut in (fully, with `require`); `first`: at the usual priority."""
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*sandbox.build_command("service.documents"), *chosen],
-        env=sandbox.build_environment() | _THREADS,
+        [*build_command("service.documents"), *chosen],
+        env=build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
