@@ -24,7 +24,6 @@ from service.documents.sheets import (
     table,
     write_json,
 )
-from store.queries import group_by
 
 STAMPS = {
     "draft": "Draft: nobody has signed",
@@ -409,7 +408,8 @@ def _list_points(columns: Sequence[Column], certificate: Node) -> Iterator[Node]
     if not beside:
         yield section("Points of the fit", [_tabulate_points(columns, points)], wide=True)
     of_frame = {point["frame"]: point for point in points} if beside else {}
-    for role, frames in group_by(certificate["frames"], lambda frame: frame["role"]).items():
+    for role in dict.fromkeys(frame["role"] for frame in certificate["frames"]):
+        frames = [frame for frame in certificate["frames"] if frame["role"] == role]
         shown = columns if any(frame["frame"] in of_frame for frame in frames) else ()
         table_of_role = _tabulate_frames(frames, shown, of_frame)
         yield section(f"{role.capitalize()} frames", [table_of_role], wide=True)

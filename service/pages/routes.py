@@ -145,7 +145,9 @@ def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
 
 
 @router.get("/plots/roads/{road_id}/{number}")
-def show_road_map(row: roads.UsesResult, context: UsesContext, layers: models.Text, *, upright: bool) -> Response:
+def show_road_map(
+    row: roads.UsesResult, context: UsesContext, layers: models.Text, *, upright: bool
+) -> Response:
     """Answer the map of an evaluation with its lanes and points; upright as one walks it."""
     result = roads.answer_result(context, row).dump()
     if row.map_png_sha256 is None:
