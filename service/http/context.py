@@ -88,7 +88,6 @@ class Context(Record):
     sessions: signatures.Sessions
     traffic: processes.Traffic
     health: Health
-    attempts: counts.Attempts = field(default_factory=counts.Attempts)
     refused: counts.Attempts = field(default_factory=lambda: counts.Attempts(free=50))
     """Requests without a key that is known, of which many are answered late."""
     presses: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
@@ -100,6 +99,10 @@ class Context(Record):
     @cached_property
     def hosts(self) -> connections.Hosts:
         return connections.Hosts(self.settings)
+
+    @cached_property
+    def attempts(self) -> counts.Attempts:
+        return counts.Attempts()
 
     @property
     def partials(self) -> Partials:
