@@ -41,7 +41,6 @@ SPEC: Final = MethodSpec(
     ),
     find_region=method.find_region,
     take_region=take_region,
-    make_row=method.make_row,
     missing=method.missing,
     judge=judge,
     plan=plan,

@@ -21,7 +21,6 @@ from radiometry.fitting.comparison import PERCENT
 from radiometry.fitting.evidence import (
     CoefficientValue,
     Extracted,
-    FrameEvidence,
     Quantity,
     Region,
     require_complete,
@@ -342,20 +341,6 @@ def find_region(frame: Frame, *, header: FrameHeader) -> panel_code.FoundPanel |
         return stated
     read = panel_code.find_panel(frame.samples_dn)
     return replace(stated, serial=read.serial if read else None) if stated else read
-
-
-def make_row(evidence: FrameEvidence[imaging.Features]) -> FrameRow:
-    if evidence.exposure is None:
-        raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
-    return FrameRow(
-        frame=evidence.frame,
-        role=evidence.role,
-        header=evidence.header,
-        exposure=evidence.exposure,
-        features=evidence.features,
-        has_region=evidence.has_region,
-        panel_serial=evidence.identified,
-    )
 
 
 def missing(

@@ -52,7 +52,7 @@ class PanelValue(Record):
 def list_named(row: FrameRow) -> list[str]:
     """Return the panels that a frame names, by the camera's statement and by the code in the image."""
     stated = row.header.multispectral.panel_serial if row.header.multispectral else None
-    return sorted({multispectral.name_panel(each) for each in (stated, row.panel_serial) if each})
+    return sorted({multispectral.name_panel(each) for each in (stated, row.identified) if each})
 
 
 def describe_difference(row: FrameRow, readings: Sequence[Reading]) -> str:

@@ -9,9 +9,8 @@ from typing import Literal
 
 from radiometry.findings import Raised
 from radiometry.fitting.curve import coverage_factor, find_dof
-from radiometry.fitting.evidence import BudgetEntry, Exclusion, Quantity
-from radiometry.frame import FrameHeader, multispectral
-from radiometry.frame.exposure import Exposure
+from radiometry.fitting.evidence import BudgetEntry, Exclusion, FrameEvidence, Quantity
+from radiometry.frame import multispectral
 from radiometry.records import Record, about, later
 from radiometry.reflectance import imaging, sun, sunshine
 from radiometry.specification.parameters import check_parameters, parameter
@@ -121,16 +120,7 @@ class Params(Record):
         return None if self.sunshine_surface == "oriented" else self.tilt or sun.TiltParams()
 
 
-class FrameRow(Record):
-    """One frame of a campaign as input of the fit: one band of one capture."""
-
-    frame: str
-    role: str
-    header: FrameHeader
-    exposure: Exposure
-    features: imaging.Features | None  # None until the frame is extracted
-    has_region: bool = True
-    panel_serial: str | None = None  # as the panel's code in the image states it
+FrameRow = FrameEvidence[imaging.Features]
 
 
 class Reading(Record):

@@ -184,7 +184,7 @@ def test_clean_panels_and_flights_raise_nothing(size):
     camera = change(captures.SEQUOIA, height_px=size[0], width_px=size[1])
     random, region = np.random.default_rng(size[1]), Polygon.from_points(middle_of(size))
     rows = [
-        replace(row, panel_serial="P1")
+        replace(row, identified="P1")
         for role, minutes in (("panel", 0.0), ("field", 10.0), ("panel", 20.0))
         for row in captures.take(
             random, captures.PANEL_R, camera=camera, minutes=minutes, role=role, polygon=region

@@ -58,7 +58,13 @@ def test_k_is_the_true_one_even_in_the_darkest_corner(rig, shots):
         found = reflectance.extract(shot.frame, region, header=shot.header, exposure=exposure)
         rows.append(
             reflectance.FrameRow(
-                frame=band, role="panel", header=shot.header, exposure=exposure, features=found.features
+                frame=band,
+                role="panel",
+                scene=None,
+                header=shot.header,
+                exposure=exposure,
+                statistics=None,
+                features=found.features,
             )
         )
     readings = [

@@ -47,7 +47,13 @@ def row(name, shot, *, role="panel", polygon=PANEL, header=None):
     header = header or shot.header
     features = extract(shot.frame, polygon, header=header, exposure=shot.exposure)
     return reflectance.FrameRow(
-        frame=name, role=role, header=header, exposure=shot.exposure, features=features
+        frame=name,
+        role=role,
+        scene=None,
+        header=header,
+        exposure=shot.exposure,
+        statistics=None,
+        features=features,
     )
 
 

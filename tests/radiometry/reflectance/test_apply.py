@@ -412,7 +412,13 @@ def radiance_row(**band):
     told = Multispectral(system="micasense", band="blue", band_name="Blue", radiance_model=model, **band)
     header = make_header(told, serial="1777777", taken_at="2017-10-19T20:40:39")
     return reflectance.FrameRow(
-        frame="blue", role="panel", header=header, exposure=panel()[0].exposure, features=features
+        frame="blue",
+        role="panel",
+        scene=None,
+        header=header,
+        exposure=panel()[0].exposure,
+        statistics=None,
+        features=features,
     )
 
 

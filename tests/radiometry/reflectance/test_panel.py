@@ -21,7 +21,7 @@ OURS = [replace(each, panel=OWN) for each in READINGS]
 
 
 def read_codes(rows, serial):
-    return [replace(each, panel_serial=serial) for each in rows]
+    return [replace(each, identified=serial) for each in rows]
 
 
 @pytest.mark.parametrize("by", ["code", "tags"])

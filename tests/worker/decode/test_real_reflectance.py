@@ -93,7 +93,13 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
         features = extract(path, header, CENTRE)
         rows.append(
             reflectance.FrameRow(
-                frame=path.name, role="panel", header=header, exposure=exposure_of(header), features=features
+                frame=path.name,
+                role="panel",
+                scene=None,
+                header=header,
+                exposure=exposure_of(header),
+                statistics=None,
+                features=features,
             )
         )
         readings.append(
