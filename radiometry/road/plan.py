@@ -24,7 +24,7 @@ _METER, _POINT_U, _NOISE_U = Meter(meter="", u_rel=0.02), 0.03, 0.005
 _TIMES = (125, 120, 100, 60, 50, 30, 25, 20, 15, 10, 8, 5, 4)
 # Readings around one point of the grid, and how far apart [m]
 _MOST_EACH, _APART_M = 3, 1.5
-_AVOIDED, _NEGLIGIBLE = 4, 1e-3
+_AVOIDED, _NEGLIGIBLE, _ALIKE = 4, 1e-3, 1.0 - 1e-6
 
 
 def find_judged(road: Road, points: Sequence[GridPoint]) -> NDArray[np.intp]:
@@ -70,8 +70,8 @@ class Outlook:
         """Read the point that lowers the uncertainty of a weighted sum most; return which."""
         seen = self.covariance @ self.readings.T
         variances = np.sum(self.readings.T * seen, axis=0) + _POINT_U**2
-        gains = (weights @ seen[: len(weights)]) ** 2 / variances
-        best = int(np.argmax(np.where(self.counts < _MOST_EACH, gains, -1.0)))
+        gains = (weights @ seen[: len(weights)]) ** 2 / variances * (self.counts < _MOST_EACH)
+        best = int(np.argmax(gains >= _ALIKE * gains.max()))  # of mirror images the first
         self.counts[best] += 1
         self.covariance -= np.outer(seen[:, best], seen[:, best]) / variances[best]
         return best
@@ -131,7 +131,7 @@ def plan_points(road: Road, *, e_av_u_rel: float, u_0_u_rel: float) -> Plan:
 
 def _place(point: GridPoint, before: int) -> tuple[float, float]:
     """Return the place of a reading at a point, beside those that are there already."""
-    return round(point.x_m + (0.0, _APART_M, -_APART_M)[before], 1), round(point.y_m, 1)
+    return round(point.x_m + (0.0, _APART_M, -_APART_M)[before % _MOST_EACH], 1), round(point.y_m, 1)
 
 
 def list_times(mains_hz: float | None, kind: LampKind | None) -> tuple[ExposureTime, ...]:

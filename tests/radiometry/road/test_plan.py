@@ -7,7 +7,7 @@ import pytest
 
 from radiometry.road.evaluation import evaluate_road
 from radiometry.road.plan import list_times, plan_points
-from radiometry.road.site import Conditions, Criterion, Meter, Requirement, Road
+from radiometry.road.site import Area, Conditions, Criterion, Meter, Requirement, Road
 from tests.radiometry.road.simulated import EN, draw_road, survey
 from tests.radiometry.road.test_grid import make_site
 
@@ -28,6 +28,13 @@ def test_more_points_reach_a_smaller_uncertainty_and_none_the_meters():
     never = plan_points(ROAD, e_av_u_rel=0.039, u_0_u_rel=0.1)  # the meter alone has 4 %
     assert not never.is_reached
     assert len(never.points) == 41
+
+
+def test_a_part_of_one_point_is_planned_too():
+    area = Area(name="corner", corners_m=((0.0, 20.0), (1.0, 20.0), (1.0, 21.0), (0.0, 21.0)))
+    stated = dataclasses.replace(ROAD.requirement, part="corner")
+    small = dataclasses.replace(ROAD, site=make_site(areas=(area,)), requirement=stated)
+    assert len(plan_points(small, e_av_u_rel=0.02, u_0_u_rel=0.5).points) == 41
 
 
 def test_points_surround_the_field_and_lie_apart():
