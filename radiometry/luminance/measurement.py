@@ -224,7 +224,7 @@ def measure(
         measure_surface(of_cells, one, request.grid, reflectance=reflectance) if request.grid else (None, ())
     )
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
-    own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
+    own = _find_limits(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
     shown = find_mixed(
         signals[0][0],
         [[signal for signal, _ in line] for line in of_cells[0]],
@@ -333,39 +333,34 @@ def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
     return tuple(shares)
 
 
-def find_flags(
+def _find_limits(
     frame: Frame,
     measured: Sequence[Corners],
     calibrated: Sequence[Polygon],
     *,
     rendered: bool,
-    corrected: bool = False,
-) -> tuple[Raised, ...]:
-    """Return the flags that limit the claims of a measurement from the air."""
-    flags = [] if corrected else _find_falloff(frame, measured, calibrated)
+    corrected: bool,
+) -> list[Raised]:
+    """Return the flags that limit the claims of a measurement from the air: K holds where it was fitted."""
+    flags = []
+    if not corrected:
+        flags.append(codes.NO_VIGNETTING_CORRECTION.at("", "Vignetting was corrected with: none."))
+        # how far a corner lies beyond the nearest bounding box of the calibration's regions
+        corners = itertools.chain.from_iterable(measured)
+        distance = (
+            max(min(_beyond_px(each, box) for box in calibrated) for each in corners) if calibrated else 0.0
+        )
+        diagonal = math.hypot(frame.height_px, frame.width_px)
+        if distance > _NEAR_SHARE * diagonal:
+            detail = (
+                f"It reaches {distance:.0f} px beyond the calibration's region, "
+                f"{distance / diagonal:.0%} of the frame's diagonal."
+            )
+            flags.append(codes.ROI_ELSEWHERE.at("", detail))
     if rendered:
         flags.append(shared.RENDERED.at("", "The frame is no raw file."))
     detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
-    flags.append(codes.OBSERVER_DIFFERS.at("", detail))
-    return tuple(flags)
-
-
-def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
-    """Return the flags of an uncorrected measurement: K holds where it was fitted, and how far that is."""
-    flags = [codes.NO_VIGNETTING_CORRECTION.at("", "Vignetting was corrected with: none.")]
-    # how far a corner lies beyond the nearest bounding box of the calibration's regions
-    corners = itertools.chain.from_iterable(measured)
-    distance = (
-        max(min(_beyond_px(each, box) for box in calibrated) for each in corners) if calibrated else 0.0
-    )
-    diagonal = math.hypot(frame.height_px, frame.width_px)
-    if distance > _NEAR_SHARE * diagonal:
-        detail = (
-            f"It reaches {distance:.0f} px beyond the calibration's region, "
-            f"{distance / diagonal:.0%} of the frame's diagonal."
-        )
-        flags.append(codes.ROI_ELSEWHERE.at("", detail))
-    return flags
+    return [*flags, codes.OBSERVER_DIFFERS.at("", detail)]
 
 
 def find_mixed(

@@ -251,54 +251,43 @@ def _collect(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Para
     scenes = {s.scene: s for s in summarise_scenes(readings, panel_rho=params.panel_rho)}
     excluded = {exclusion.frame: exclusion for exclusion in reversed(params.exclude)}
     lamp = follow_lamp(rows, readings, params)
-    series = []
+    basis, channel, series = params.exposure_basis, params.channel, []
     measured = [row for row in rows if row.statistics]
     for iso in sorted(
         {row.exposure.iso for row in measured if row.role == "light" and row.frame not in excluded}
     ):
-        light = [row for row in measured if row.exposure.iso == iso and row.role == "light" and row.scene]
-        black = [row for row in measured if row.exposure.iso == iso and row.role == "dark"]
-        black = [row for row in black if row.frame not in excluded]
-        if light:
-            series.append(_one_iso(iso, light, black, scenes, lamp, excluded, params))
-    return tuple(series)
-
-
-def _one_iso(
-    iso: float,
-    light: list[FrameRow],
-    black: list[FrameRow],
-    scenes: dict[str, SceneSummary],
-    lamp: dict[str, Change],
-    excluded: dict[str, Exclusion],
-    params: Params,
-) -> IsoSeries:
-    signals = {row.frame: row.measure(params.channel) for row in light + black}
-    lit = [signals[row.frame] for row in light]
-    basis = params.exposure_basis
-    times = [row.settings_on(basis).exposure_time_s for row in black]
-    span_dn = max(min(each.white_level_dn - each.black_level_dn for each in lit), 1.0)
-    dark = estimate_dark(
-        [signals[row.frame] for row in black],
-        lit,
-        times_s=times,
-        plausible_rate_dn_per_s=params.dark_rate_u_rel * span_dn * iso / _BASE_ISO,
-    )
-    dark_at = cache(dark.at)
-    found = [
-        _candidate(
-            row,
-            settings := row.settings_on(basis),
-            dark_at(settings.exposure_time_s),
-            scenes.get(row.scene or ""),
-            lamp[row.frame],
-            excluded.get(row.frame),
-            params.channel,
+        here = [row for row in measured if row.exposure.iso == iso]
+        light = [row for row in here if row.role == "light" and row.scene]
+        black = [row for row in here if row.role == "dark" and row.frame not in excluded]
+        if not light:
+            continue
+        lit = [row.measure(channel) for row in light]
+        times = [row.settings_on(basis).exposure_time_s for row in black]
+        span_dn = max(min(each.white_level_dn - each.black_level_dn for each in lit), 1.0)
+        dark = estimate_dark(
+            [row.measure(channel) for row in black],
+            lit,
+            times_s=times,
+            plausible_rate_dn_per_s=params.dark_rate_u_rel * span_dn * iso / _BASE_ISO,
         )
-        for row in light
-    ]
-    found.sort(key=lambda candidate: candidate.order)
-    return IsoSeries(iso=iso, dark=dark, dark_times_s=tuple(sorted(times)), candidates=tuple(found))
+        dark_at = cache(dark.at)
+        found = [
+            _candidate(
+                row,
+                settings := row.settings_on(basis),
+                dark_at(settings.exposure_time_s),
+                scenes.get(row.scene or ""),
+                lamp[row.frame],
+                excluded.get(row.frame),
+                channel,
+            )
+            for row in light
+        ]
+        found.sort(key=lambda candidate: candidate.order)
+        series.append(
+            IsoSeries(iso=iso, dark=dark, dark_times_s=tuple(sorted(times)), candidates=tuple(found))
+        )
+    return tuple(series)
 
 
 def _candidate(
