@@ -19,7 +19,7 @@ from service.coefficients import routes as coefficients
 from service.documents import report, road
 from service.documents import routes as certificates
 from service.equipment import routes as equipment
-from service.frames import motion, pictures
+from service.frames import pictures
 from service.frames import routes as frames
 from service.http import document, middleware, problems
 from service.http.context import Context
@@ -96,7 +96,7 @@ def _include_routers(app: FastAPI) -> None:
         *(measurements.router, report.router, roads.router, roads.rules_router, road.router),
         *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
         *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
-        *(motion.router, tools.router),
+        *(frames.motion_router, tools.router),
         *PAGES,
     ):
         app.include_router(router)
