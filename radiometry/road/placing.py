@@ -78,10 +78,6 @@ class Placement(Record):
         seen = self.to_image(corners.reshape(-1, 2)).reshape(corners.shape)
         return tuple(Polygon.from_points(each) for each in cast("list[list[list[float]]]", seen.tolist()))
 
-    def to_road(self, places_px: Array) -> Array:
-        """Compute where places in the picture, (n, 2), x before y [px], lie on the road: (n, 2) [m]."""
-        return map_plane(np.asarray(np.linalg.inv(self.h)), _straighten(self.camera, places_px))
-
     def estimate_u_m(self, places_m: Array) -> Array:
         """Estimate the standard uncertainty of places on the road, the larger of both axes, (n,) [m]."""
         return np.asarray(np.sqrt(np.linalg.eigvalsh(self.find_covariances(places_m))[:, -1]), np.float64)
@@ -132,7 +128,7 @@ def place_frame(marks: Sequence[Mark], camera: Lens, *, u_px: float = MARK_U_PX)
         raise codes.PLACE_UNDETERMINED.refuse(f"{len(marks)} points are marked; four or more place a frame.")
     road = np.array([(mark.x_m, mark.y_m) for mark in marks], np.float64)
     u_m = np.array([mark.u_m for mark in marks])
-    seen = _straighten(camera, np.array([(mark.x_px, mark.y_px) for mark in marks], np.float64))
+    seen = straighten(camera, np.array([(mark.x_px, mark.y_px) for mark in marks], np.float64))
     u_ideal = u_px / np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
 
     def miss(eight: Array) -> Array:
@@ -200,7 +196,7 @@ def place_by_pose(pose: Pose, origin: Origin, camera: Lens, *, focal_u_rel: floa
     return Placement(h=project(np.zeros(7)), errors=errors, camera=camera)
 
 
-def _straighten(camera: Lens, places_px: Array) -> Array:
+def straighten(camera: Lens, places_px: Array) -> Array:
     """Compute the directions that places in the picture, x before y [px], see: (n, 2), at unit distance."""
     seen = np.ascontiguousarray(places_px, np.float64).reshape(-1, 1, 2) - 0.5
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
