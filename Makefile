@@ -116,7 +116,7 @@ pictures: $(VENV)/dev chromium  ## take the pictures of the README again, from t
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
 
 examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the demos
-	@python -m demo.examples
+	@python -m tests.examples
 
 release: $(VENV)/dev  ## check version, change log, tree and both wheels for a release, and build into dist/
 	@python .ci/release.py

@@ -93,10 +93,10 @@ class Recorder:
         known = self.document["components"]["schemas"].get(name, schema)
         return name or known.get("title", ""), known
 
-    def _keep(self, holder: Node, body: Any) -> None:  # noqa: ANN401
+    def _keep(self, holder: Node, body: Any) -> None:
         self._walk(holder["content"]["application/json"]["schema"], body)
 
-    def _walk(self, schema: Node, body: Any) -> None:  # noqa: ANN401
+    def _walk(self, schema: Node, body: Any) -> None:
         name, known = self._resolve(schema)
         if isinstance(body, list):
             return
@@ -117,7 +117,7 @@ def _is_json(headers: Mapping[str, str]) -> bool:
     return headers.get("content-type", "").partition(";")[0] == "application/json"
 
 
-def _shorten(body: Any) -> Any:  # noqa: ANN401
+def _shorten(body: Any) -> Any:
     if isinstance(body, dict):
         members = [*body.items()]
         if all(name.isdigit() for name in body):
@@ -256,7 +256,7 @@ def _move(stage: Stage) -> None:
     sequoia = change(SEQUOIA, height_px=120, width_px=160)
     shot = capture(sequoia, np.random.default_rng(1), reflectance={"green": 0.2})["green"]
     band = shot.header.multispectral
-    assert band is not None and band.counts is not None  # noqa: S101, PT018  the simulation's always are
+    assert band is not None and band.counts is not None  # noqa: PT018  the simulation's always are
     turned = tuple(
         replace(record, yaw_deg=0.06 * number, pitch_deg=0.04 * number, roll_deg=-0.02 * number)
         for number, record in enumerate(band.counts.records)
@@ -314,7 +314,7 @@ def main() -> int:
                 recorder = Recorder(http.get("/openapi.json").json())
                 send = httpx.Client.send
 
-                def heard(self: httpx.Client, request: httpx.Request, **more: Any) -> httpx.Response:  # noqa: ANN401
+                def heard(self: httpx.Client, request: httpx.Request, **more: Any) -> httpx.Response:
                     response = send(self, request, **more)
                     recorder.hear(response)
                     return response
