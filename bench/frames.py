@@ -38,9 +38,8 @@ def make_mosaic(scale: Scale) -> NDArray[np.uint16]:
 def draw_roi(scale: Scale) -> roi.Polygon:
     """A taped rectangle as a hand draws it, 5 % of the frame, off every border of a tile."""
     height, width = scale.rows * ROI_SHARE**0.5, scale.cols * ROI_SHARE**0.5
-    x, y, tilt = scale.cols * 0.41, scale.rows * 0.37, 0.02
-    across, down = np.array([width, tilt * width]), np.array([-tilt * height, height])
-    corner = np.array([x, y])
+    across, down = np.array([width, 0.02 * width]), np.array([-0.02 * height, height])
+    corner = np.array([scale.cols * 0.41, scale.rows * 0.37])
     corners = (corner, corner + across, corner + across + down, corner + down)
     return roi.Polygon.from_points([(float(x), float(y)) for x, y in corners])
 

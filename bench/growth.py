@@ -5,18 +5,15 @@ import tempfile
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import httpx
-from sqlalchemy import event, select, update
-from sqlalchemy.engine import Engine
+from sqlalchemy import select, update
 
 import stilb
 from bench import harness
 from bench.frames import CAMERA, copy_frame, review_all, send_frame, write_rows
 from bench.harness import Scale, Seconds, Service, judge, say
 from store.jobs import begin, queues, take_back
-from store.queries.evidence import gather
 from store.settings import Settings
 from store.tables import Camera, Campaign, Job, new_id, utc_now
 from worker.context import Context, build_context
@@ -74,31 +71,14 @@ def _grow(scale: Scale, service: Service, worker: Context, http: httpx.Client, f
         ways = {each: get(template, each) for each in frames}
         verdicts.append(_judge(text, ways, rounds=scale.rounds, at_most=1.5))
     adding = {each: (lambda each=each: add(each)) for each in frames}
-    verdicts.append(
-        _judge("adding a frame, with the verdicts on all", adding, rounds=scale.uploads, at_most=3.0)
-    )
-    small, large = (_count_statements(worker, each) for each in frames)
-    verdicts.append(judge("statements of a fit's input: large to small", large / small, at_most=1.0))
-    return verdicts
+    said = "adding a frame, with the verdicts on all"
+    return [*verdicts, _judge(said, adding, rounds=scale.uploads, at_most=3.0)]
 
 
 def _judge(text: str, ways: harness.Ways, *, rounds: int, at_most: float) -> bool:
     few, many = harness.take_turns(ways, rounds=rounds, warm_up=1).values()
     harness.show_times({f"{text}: few": few, f"{text}: many": many})
     return judge(f"{text}: many to few", harness.compare(many, few), at_most=at_most)
-
-
-def _count_statements(worker: Context, campaign_id: str) -> int:
-    executed: list[str] = []
-
-    def note(*told: Any) -> None:  # noqa: ANN401  SQLAlchemy's
-        executed.append(told[2])
-
-    event.listen(Engine, "before_cursor_execute", note)
-    with worker.database.reading() as session:
-        gather(session, session.get_one(Campaign, campaign_id))
-    event.remove(Engine, "before_cursor_execute", note)
-    return len(executed)
 
 
 def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Client) -> list[bool]:
@@ -131,9 +111,8 @@ def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Clien
         measured.append(harness.take_turns(ways, rounds=scale.rounds, warm_up=1))
     few, many = measured
     harness.show_times(many)
-    return [
-        judge(f"{name}: many to few", harness.compare(many[name], few[name]), at_most=1.5) for name in ways
-    ]
+    ratios = {name: harness.compare(many[name], few[name]) for name in ways}
+    return [judge(f"{name}: many to few", ratio, at_most=1.5) for name, ratio in ratios.items()]
 
 
 def _begin_next(worker: Context) -> None:

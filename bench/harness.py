@@ -64,16 +64,12 @@ def take_turns(
             turn = number % len(names)
             for name in names[turn:] + names[:turn]:
                 prepare()
-                seconds[name].append(time_once(ways[name]))
+                began = time.perf_counter()
+                ways[name]()
+                seconds[name].append(time.perf_counter() - began)
     finally:
         gc.enable()
     return seconds
-
-
-def time_once(way: Callable[[], object]) -> float:
-    began = time.perf_counter()
-    way()
-    return time.perf_counter() - began
 
 
 @dataclass(frozen=True)
@@ -127,14 +123,10 @@ def summarise(verdicts: Sequence[bool]) -> str:
 def describe_machine() -> str:
     """The machine and the versions: figures mean nothing without them."""
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
-    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
-    described = Path("/proc/cpuinfo")
-    found = re.search(r"model name\s*: (.*)", described.read_text()) if described.exists() else None
-    processor = found[1] if found else platform.machine()
-    return (
-        f"{processor}, {cores} cores (load {os.getloadavg()[0]:.1f} before the start), {platform.system()} "
-        f"{platform.release()}, Python {platform.python_version()}\n{versions}"
-    )
+    found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
+    cores = f"{len(os.sched_getaffinity(0))} cores (load {os.getloadavg()[0]:.1f} before the start)"
+    system = f"{platform.system()} {platform.release()}, Python {platform.python_version()}"
+    return f"{found[1] if found else platform.machine()}, {cores}, {system}\n{versions}"
 
 
 def read_memory_mb(pid: int, name: str) -> float:

@@ -174,9 +174,8 @@ def _measure_series(scale: Scale, service: Service) -> Iterator[bool]:
 def _serving_bare(service: Service, address: str, data: Path) -> Iterator[str]:
     """Serve what the service answers there from memory: the least that can answer."""
     answer, port = data / "bare.json", pick_port()
-    answer.write_bytes(
-        httpx.get(f"{service.url}{address}", headers=harness.HEADERS).raise_for_status().content
-    )
+    asked = httpx.get(f"{service.url}{address}", headers=harness.HEADERS).raise_for_status()
+    answer.write_bytes(asked.content)
     words = ["-m", "uvicorn", "--factory", "bench.lookups:make_bare", "--port", str(port), "--no-access-log"]
     log = data / "bare.log"
     environment = harness.make_environment(data) | {"BARE": str(answer), "PYTHONWARNINGS": "ignore"}
@@ -246,9 +245,8 @@ def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[tables.B
         yield tables.IssuedCertificate, issued
         yield from ((tables.CoefficientRow, each) for each in coefficients)
         rows = [tables.CoefficientRow(**each) for each in coefficients]
-        yield from make_ready(
-            tables.Publication(**publication), tables.Calibration(**calibration), rows
-        ).items()
+        published = tables.Publication(**publication), tables.Calibration(**calibration)
+        yield from make_ready(*published, rows).items()
 
 
 def _begin(version: int) -> datetime:

@@ -154,11 +154,9 @@ def run_start(scale: Scale) -> list[bool]:
                     time.sleep(scale.rests_s)
                     percent = 100 * (harness.read_cpu_s(*tree) - before_s) / scale.rests_s
                     memory_mb = sum(map(harness.read_shared_mb, tree))
+    start_s = sorted(seconds[1:])[scale.starts // 2]  # the first makes the database
     return [
-        # the first makes the database
-        judge(
-            "`make up` on existing data, until ready [s]", sorted(seconds[1:])[scale.starts // 2], at_most=2.5
-        ),
+        judge("`make up` on existing data, until ready [s]", start_s, at_most=2.5),
         judge("CPU at rest, % of a core", percent, at_most=0.5),
         judge("memory at rest, MB", memory_mb, at_most=320.0),
     ]
