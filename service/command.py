@@ -15,8 +15,7 @@ class Command(NamedTuple):
     module: str
     meaning: str
     example: str
-    takes: Mapping[str, Mapping[str, Any]] = {}
-    """Arguments, as argparse declares them."""
+    takes: Mapping[str, Mapping[str, Any]] = {}  # arguments, as argparse declares them
 
 
 _ALONE: Final = "alone, which needs STILB_DATABASE_URL"

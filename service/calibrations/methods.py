@@ -29,8 +29,7 @@ from service.http import answers, auth, models, operations
 from service.http.problems import AS_NUMBER, BY_NAME, invalid, located
 from store.codec import drop_absent
 
-NONE = "none"
-"""Switches off a parameter that has a default."""
+NONE = "none"  # switches off a parameter that has a default
 
 
 class Exclusion(models.Form):

@@ -155,8 +155,7 @@ def _refuse_rows(points: list[NewPoint], told: PointsTable) -> None:
 
 router = operations.Router(prefix="/v1", tags=["frames"])
 
-_BYTES: Final = "application/octet-stream"
-"""Accepted too: generated clients know no bodies of CSV."""
+_BYTES: Final = "application/octet-stream"  # accepted too: generated clients know no bodies of CSV
 _TABLE: Final = {
     "text/csv": {"schema": {"type": "string"}},
     _BYTES: {"schema": {"type": "string", "format": "binary"}},

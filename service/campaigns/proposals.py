@@ -24,17 +24,13 @@ from service.http.models import Answer, Form, FrameRole, Method, Number, Positiv
 from store.publications import in_force
 from store.tables import Blob, Camera, Campaign, CampaignKind, FrameRow, utc_now
 
-_PAUSE_S: Final = 60.0
-"""A pause this long starts a scene, if it is also _PAUSES times the median pause."""
+_PAUSE_S: Final = 60.0  # a pause this long starts a scene, if it is also _PAUSES times the median pause
 _PAUSES: Final = 2.5
-_EXPOSURE_RATIO: Final = 4.0
-"""A change of t S / f^2 by this factor starts a scene after two median pauses."""
-_DARK_SIGNAL: Final = 0.002
-"""The centre of a dark frame is below this share of the range from black to white."""
+_EXPOSURE_RATIO: Final = 4.0  # a change of t S / f^2 by this factor starts a scene after two median pauses
+_DARK_SIGNAL: Final = 0.002  # the centre of a dark frame is below this share of the range from black to white
 _MOST_CAMPAIGNS: Final = 50
 _MOST_FRAMES: Final = 10_000
-_Key = tuple[str, float | None, float]
-"""Name, size [B] and time [s] of a file."""
+_Key = tuple[str, float | None, float]  # name, size [B] and time [s] of a file
 _PICTURES: Final = (".jpg", ".jpeg", ".png", ".heic")
 # folders that cameras make (DCF: three digits and five characters), which name no scene
 _CAMERA_FOLDER: Final = re.compile(r"dcim|\d{3}\w{5}|\d{4}set|\d{3}|dji_\d+_.*", re.IGNORECASE)

@@ -163,8 +163,7 @@ _MACRO = f"{_GAP}({_POLYGON}|{_RECTANGLE}){_GAP};?{_GAP}"
 _JSON_NUMBER = rf"{_GAP}-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?{_GAP}"
 _CORNER = rf"{_GAP}\[{_JSON_NUMBER},{_JSON_NUMBER}\]{_GAP}"
 _JSON = rf"{_GAP}\[{_CORNER}(,{_CORNER}){{2,}}\]{_GAP}"
-REGION_PATTERN = f"^({_MACRO}|{_JSON})$"
-"""A region as an address or a header holds it."""
+REGION_PATTERN = f"^({_MACRO}|{_JSON})$"  # a region as an address or a header holds it
 
 
 class NewRoi(models.Form, one_of="polygon imagej regions"):

@@ -32,8 +32,7 @@ _CHUNK_BYTES = 1 << 16
 class Column:
     name: str
     kind: Kind
-    empty: str
-    """What JSON has where the cell is empty."""
+    empty: str  # what JSON has where the cell is empty
 
 
 def describe_columns(row: type[models.Answer]) -> tuple[Column, ...]:
@@ -266,8 +265,7 @@ Shape = Literal["json", "csv"]
 ROW_LIMIT: Final = 200_000
 MOST_ROWS: Final = 1_000_000
 MEDIA_TYPES: Final[dict[Shape, str]] = {"json": "application/json", "csv": "text/csv; charset=utf-8"}
-_GZIP = 31
-"""The window of zlib's format with the header of gzip."""
+_GZIP = 31  # the window of zlib's format with the header of gzip
 
 
 _CHOOSING = ("camera_id", "campaign_id", "calibration_id", "method", "start", "end")

@@ -38,8 +38,7 @@ log = logging.getLogger(__name__)
 _WITHIN_S: Final = 300.0
 _MOST_BYTES: Final = 128 << 20
 _MOST_SAID: Final = 1000
-_THREADS: Final = {"RAYON_NUM_THREADS": "2"}
-"""Of Typst: each keeps address space, which is limited."""
+_THREADS: Final = {"RAYON_NUM_THREADS": "2"}  # of Typst: each keeps address space, which is limited
 
 
 class RenderingFailed(Exception):  # noqa: N818  it says what happened

@@ -11,8 +11,7 @@ from radiometry.drawing.text import raise_ten
 
 Node = dict[str, Any]
 
-MOST_ROWS: Final = 200
-"""Of a printed table: about five pages."""
+MOST_ROWS: Final = 200  # of a printed table: about five pages
 
 
 def write_json(certificate: Node) -> str:

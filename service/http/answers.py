@@ -30,8 +30,7 @@ _MEANINGS = {
 }
 
 
-USUAL: Final = (401, 403, 422, 429, 503)
-"""Problems that any route with a key can give."""
+USUAL: Final = (401, 403, 422, 429, 503)  # problems that any route with a key can give
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -27,15 +27,13 @@ SCOPE_WORDS: dict[Scope, str] = {
 """What a key may do, as the pages name it."""
 SCOPES = tuple(SCOPE_WORDS)
 
-LATEST_S: Final = 5.0
-"""What strangers wait at most for their answer."""
+LATEST_S: Final = 5.0  # what strangers wait at most for their answer
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
 
 class Caller(organisations.Holder):
-    session_id: str | None = None
-    """Of the browser that asks; None for who sends the key itself."""
+    session_id: str | None = None  # of the browser that asks; None for who sends the key itself
 
     @property
     def named(self) -> str:
@@ -187,8 +185,7 @@ def _unauthenticated(detail: str) -> problems.Problem:
     return problems.Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
 
 
-Anybody = Annotated[Caller, Depends(get_caller)]
-"""With any key."""
+Anybody = Annotated[Caller, Depends(get_caller)]  # with any key
 Reader = Annotated[Caller, Depends(Needs("read"))]
 Uploader = Annotated[Caller, Depends(Needs("upload"))]
 Calibrator = Annotated[Caller, Depends(Needs("calibrate"))]

@@ -35,10 +35,8 @@ class Reply(Record):
     body: models.Answer
     headers: dict[str, str] = field(default_factory=dict)
     jobs: list[tables.Job] = field(default_factory=list)
-    frame_bytes: Sequence[int] = ()
-    """Size of each frame that was added, which counts for the quotas."""
-    had_room: bool = False
-    """Whether they were counted when their uploads began."""
+    frame_bytes: Sequence[int] = ()  # size of each frame that was added, which counts for the quotas
+    had_room: bool = False  # whether they were counted when their uploads began
 
 
 class Writing:

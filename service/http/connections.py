@@ -76,10 +76,8 @@ def _without_port(host: str) -> str:
 log = logging.getLogger(__name__)
 
 _HEADER_BYTES = 64 * 1024
-_JOINED_BYTES = 1 << 16
-"""A longer beginning of a body is not copied for its head."""
-_KEPT_FILES = 256
-"""For the database, uploads and everything else that is not a connection of a peer."""
+_JOINED_BYTES = 1 << 16  # a longer beginning of a body is not copied for its head
+_KEPT_FILES = 256  # for the database, uploads and everything else that is not a connection of a peer
 _MANY_FILES = 65536
 
 

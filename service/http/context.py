@@ -23,8 +23,7 @@ from store.files import Files
 from store.reviews import Reviews
 from store.settings import Settings
 
-MOST: Final = 100
-"""Requests of one transaction."""
+MOST: Final = 100  # requests of one transaction
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -60,8 +60,7 @@ def is_unnoted(row: ApiKey | WebSession) -> bool:
     return row.last_used_at is None or row.last_used_at < utc_now() - STEP
 
 
-FREE: Final = 5
-"""Failures without a wait: people mistype."""
+FREE: Final = 5  # failures without a wait: people mistype
 LONGEST_WAIT_S: Final = 300.0
 FORGOTTEN_AFTER_S: Final = 900.0
 _MOST_TOLD: Final = 500

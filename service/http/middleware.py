@@ -21,14 +21,11 @@ from radiometry.findings import interface
 from service.http import auth, connections, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
-STRANGER_BYTES: Final = 64_000
-"""What anybody may say who has no key."""
+STRANGER_BYTES: Final = 64_000  # what anybody may say who has no key
 STRANGER_S: Final = 5.0
 PAUSE_S: Final = 60.0
-BYTES_PER_S: Final = 1000
-"""Who has a key may be on a bad line, which pauses, and carries little; files too."""
-OPEN_BYTES: Final = 64 << 20
-"""Of all bodies under way of one organisation, or of one address without a key."""
+BYTES_PER_S: Final = 1000  # who has a key may be on a bad line, which pauses, and carries little; files too
+OPEN_BYTES: Final = 64 << 20  # of all bodies under way of one organisation, or of one address without a key
 _UPLOADS = re.compile(r"POST /v1/campaigns/[^/]+/frames|(POST|PATCH) /v1/uploads(/upl_[^/]+)?")
 
 

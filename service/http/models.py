@@ -81,8 +81,7 @@ TimeZone = Annotated[Text, AfterValidator(_name_zone), Field(examples=["Europe/B
 ClearableZone = Annotated[Clearable, AfterValidator(lambda text: text and _name_zone(text))]
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
-_MOST_UNKNOWN: Final = 3
-"""Names of one object that are named one by one."""
+_MOST_UNKNOWN: Final = 3  # names of one object that are named one by one
 EACH_ONCE: Final[JsonDict] = {"uniqueItems": True}
 
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
@@ -107,8 +106,7 @@ WHOLE: Final = BeforeValidator(
 )
 """Of a strict int, after its range: JSON Schema counts 5.0 among the whole numbers."""
 Positive = Annotated[Number, Field(gt=0, lt=1e9)]
-PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
-"""The same in an address, where everything is text."""
+PositiveText = Annotated[float, Field(gt=0, lt=1e9)]  # the same in an address, where everything is text
 PixelPitch = Annotated[Number, Field(ge=0.1, le=100, description="Distance of neighbouring pixels.")]
 
 if TYPE_CHECKING:

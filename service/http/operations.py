@@ -26,14 +26,11 @@ CHANGING: Final = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """A number as people write it: Python also reads 1_000, and digits of any script."""
 _WHOLE: Final = re.compile(r"[+-]?\d+", re.ASCII)
-_MOST_NAMES: Final = 1000
-"""Of one object."""
+_MOST_NAMES: Final = 1000  # of one object
 _MOST_PARTS: Final = 400_000
 """Names, values, objects and lists of a document, or cells and lines of a table: more are a load."""
-_MOST_DIGITS: Final = 400
-"""Of a whole number; the time to read one grows with their square."""
-_AT_ONCE_BYTES: Final = 1 << 14
-"""A longer body is read in a thread."""
+_MOST_DIGITS: Final = 400  # of a whole number; the time to read one grows with their square
+_AT_ONCE_BYTES: Final = 1 << 14  # a longer body is read in a thread
 
 
 class Router(APIRouter):

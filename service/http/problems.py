@@ -53,8 +53,7 @@ _PATTERNS = {
 AS_NUMBER, BY_NAME = "as a number", "by name"
 """Two forms of one field. Pydantic puts the form into the field's place, where nobody has sent one."""
 
-_ASIDE = " after validation"
-"""What pydantic says of the length of a list, as if the team had validated it."""
+_ASIDE = " after validation"  # what pydantic says of the length of a list, as if the team had validated it
 
 _PREFIXES = ("Value error, ", "Input should ", "String should ", "List should ", "Dictionary should ")
 

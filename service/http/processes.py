@@ -41,8 +41,7 @@ from store.settings import Settings
 if TYPE_CHECKING:
     from service.http.context import Context
 
-_TO_END_S = 4.0
-"""What a process needs to end once its own grace is over, less than this one is given."""
+_TO_END_S = 4.0  # what a process needs to end once its own grace is over, less than this one is given
 
 Serve = Callable[[Path], None]
 
@@ -92,8 +91,7 @@ def serve_forked(settings: Settings, serve: Serve) -> int:
 
 _LOOK_EVERY_S = 5.0
 _SHARE_EVERY_S = 1.0
-_THREADS_PATIENCE = 5
-"""All threads may be at slow uploads for longer than a loop may stand still."""
+_THREADS_PATIENCE = 5  # all threads may be at slow uploads for longer than a loop may stand still
 
 
 @dataclass
@@ -160,8 +158,7 @@ class Traffic:
 
     def __init__(self) -> None:
         self.stopping = False
-        self.closed = False
-        """Nothing more is begun."""
+        self.closed = False  # nothing more is begun
         self.metrics = Metrics()
         self._open: set[_Exchange] = set()
         self._empty = asyncio.Event()

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 
-SESSION_S: Final = 12 * 3600
-"""A working day; then one signs in again."""
+SESSION_S: Final = 12 * 3600  # a working day; then one signs in again
 CSRF_HEADER: Final = "X-CSRF-Token"
 
 

@@ -101,8 +101,7 @@ router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
 _LONGEST_WAIT_S = 60
-_LOGGED = 64
-"""Of many jobs the log of a request names the first."""
+_LOGGED = 64  # of many jobs the log of a request names the first
 _SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 

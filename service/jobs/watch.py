@@ -46,8 +46,7 @@ _GONE: Final = Event(kind="end", id="", data={"code": "service_stopping"}, final
 class _Follower:
     kind: Kind
     subject_id: str
-    who: Who | None
-    """None of who waits for a job alone, whose right is not asked for again."""
+    who: Who | None  # none of who waits for a job alone, whose right is not asked for again
     seen: str = ""
     news: Event | None = None
     woken: asyncio.Event = field(default_factory=asyncio.Event)

@@ -16,14 +16,10 @@ from store.pulse import is_running
 
 class Exit(IntEnum):
     STOPPED = 0
-    GAVE_UP = 1
-    """A part does not stay alive."""
-    CANNOT_START = 2
-    """A setting, the data folder or the port is in the way."""
-    NEWER_SCHEMA = 3
-    """The database was written by a newer stilb; the number that `store.migrate` answers."""
-    ALREADY_RUNS = 4
-    """Another launcher serves the same data folder."""
+    GAVE_UP = 1  # a part does not stay alive
+    CANNOT_START = 2  # a setting, the data folder or the port is in the way
+    NEWER_SCHEMA = 3  # the database was written by a newer stilb; the number that `store.migrate` answers
+    ALREADY_RUNS = 4  # another launcher serves the same data folder
 
 
 class Refusal(Exception):  # noqa: N818 (it says what was found)
@@ -60,8 +56,7 @@ def has_room(folder: Path) -> bool:
             probe.unlink()
 
 
-REMAINS_S = 10.0
-"""How long the children of a killed launcher may take to go; the kernel kills them at once."""
+REMAINS_S = 10.0  # how long the children of a killed launcher may take to go; the kernel kills them at once
 
 
 _OURS = ("lock", "session-secret", "stilb.sqlite")

@@ -44,10 +44,8 @@ class Wanted(Record):
     port: int
     broker_url: str
     database_url: str
-    is_embedded: bool
-    """The database is, too."""
-    is_current: bool
-    """It is known to need no migration."""
+    is_embedded: bool  # the database is, too
+    is_current: bool  # it is known to need no migration
     database_timeout_s: float
     hang_s: float
     stop_grace_s: float
@@ -88,8 +86,7 @@ class Roster(Record):
 
     before: Sequence[Sequence[str]]
     parts: Sequence[Part]
-    serves: bool = True
-    """One of the parts answers at the port."""
+    serves: bool = True  # one of the parts answers at the port
 
 
 def launch(settings: Wanted, roster: Roster) -> Exit:

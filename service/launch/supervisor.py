@@ -102,8 +102,7 @@ DEATHS_ALLOWED = 5
 WITHIN_S = 60.0
 FIRST_PAUSE_S = 0.1
 LONGEST_PAUSE_S = 8.0
-START_WITHIN_S = 120.0
-"""How long a part may take to its first beat: it loads much, perhaps from a slow disk."""
+START_WITHIN_S = 120.0  # how long a part may take to its first beat: it loads much, perhaps from a slow disk
 _LONGEST_TURN_S = 3.0
 """The launcher looks once a second; beyond this, or half the patience, it was stopped, perhaps parts too."""
 LOG_BYTES = 16 << 20
@@ -164,14 +163,11 @@ class Part(Record):
     command: Sequence[str] = ()
     run: Callable[[], Process] | None = None
     """Starts it in place of the command, with this process's own output."""
-    stop_within_s: float = 10.0
-    """How long it may take to finish in order before it is killed."""
+    stop_within_s: float = 10.0  # how long it may take to finish in order before it is killed
     knows_key: bool = False
     """It finds the bootstrap key in STILB_KEY; those that read strangers' bytes do not."""
-    serves_others: bool = False
-    """It is stopped only after the parts that need it."""
-    stop: Callable[[], object] | None = None
-    """Asks it to stop where a signal takes longer."""
+    serves_others: bool = False  # it is stopped only after the parts that need it
+    stop: Callable[[], object] | None = None  # asks it to stop where a signal takes longer
     has_pulse: bool = False
     """It touches the file in STILB_PULSE while its work goes on, and is killed when it does not."""
 
@@ -181,8 +177,7 @@ class Patience(Record):
 
     hang_s: float
     lock_s: float = 0.0
-    find_stopped_writer: Callable[[], int | None] = lambda: None
-    """The process that is."""
+    find_stopped_writer: Callable[[], int | None] = lambda: None  # the process that is
 
 
 @dataclass
@@ -193,13 +188,10 @@ class _Child:
     process: Process | None = None
     start_at: float = 0.0
     deaths: deque[float] = field(default_factory=deque)
-    beat: int | None = None
-    """The last beat that was seen."""
-    seen_at: float = 0.0
-    """When it was new, on the launcher's clock."""
+    beat: int | None = None  # the last beat that was seen
+    seen_at: float = 0.0  # when it was new, on the launcher's clock
     patience_s: float = START_WITHIN_S
-    free_at: float = 0.0
-    """When it was last seen not to be stopped amid a writing transaction."""
+    free_at: float = 0.0  # when it was last seen not to be stopped amid a writing transaction
 
 
 class AwakeClock:

@@ -16,8 +16,7 @@ from pathlib import Path
 from service.launch.folder import Refusal
 
 SOCKET = "valkey.sock"
-_SOCKET_PATH_BYTES = 103
-"""A unix socket's path may have 107 bytes on Linux and 103 on macOS."""
+_SOCKET_PATH_BYTES = 103  # a unix socket's path may have 107 bytes on Linux and 103 on macOS
 _PLAIN = re.compile(r"[\w./+-]*", re.ASCII)
 
 

@@ -31,8 +31,7 @@ PLACES = {
 """Where the findings occur that a page explains."""
 _HEADING = re.compile(r"^#+ (\w+)\n", re.MULTILINE)
 _OUTCOMES = {"warn": "Warn. ", "pending": "Pending. ", "fail": "Fail. ", "error": "Fail. "}
-_OF_THE_SCIENCE = 422
-"""Status of most refusals; the page of errors states it once."""
+_OF_THE_SCIENCE = 422  # status of most refusals; the page of errors states it once
 
 
 def expand_entries(text: str, page: str) -> str:

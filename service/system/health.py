@@ -33,10 +33,8 @@ ANSWER_WITHIN_S = 1.5
 _SILENT_AFTER_S = 2.5
 """Later than `ANSWER_WITHIN_S`: on a busy machine a single look may take longer than a request may wait."""
 _FRESH_S = 1.0
-_TRUSTED_FOR_S = 5.0
-"""How long what was found is held against a look that is slow."""
-_WRITE_WITHIN_S = 10.0
-"""Others may hold SQLite's write lock for a while, and nothing is wrong."""
+_TRUSTED_FOR_S = 5.0  # how long what was found is held against a look that is slow
+_WRITE_WITHIN_S = 10.0  # others may hold SQLite's write lock for a while, and nothing is wrong
 _NOBODY = ""
 
 
@@ -46,8 +44,7 @@ class Finding(Record):
     name: str
     code: Entry | None = None
     detail: str = ""
-    slow_s: float = 0.0
-    """How long the present look has taken, where that is longer than it should."""
+    slow_s: float = 0.0  # how long the present look has taken, where that is longer than it should
 
 
 class Report(Record):

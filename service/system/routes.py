@@ -16,8 +16,7 @@ from store.jobs.processes import Part
 from store.queries.jobs import count_queue
 from store.tables import Blob
 
-probes = APIRouter(tags=["system"])
-"""As probes ask, with whatever parameters."""
+probes = APIRouter(tags=["system"])  # as probes ask, with whatever parameters
 router = operations.Router(tags=["system"])
 
 

@@ -87,8 +87,7 @@ _REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
 
 class Received(Record):
     blob: StoredBlob
-    filename: str | None
-    """Of the multipart part, where it was one."""
+    filename: str | None  # of the multipart part, where it was one
 
 
 Admit = Callable[[str | None, int], bool]
@@ -254,8 +253,7 @@ def require_size(size_bytes: int) -> None:
         raise problems.Problem(interface.UPLOAD_TOO_LARGE, f"A file may have at most {MAX_FILE_BYTES} bytes.")
 
 
-_LONGEST_NAME: Final = 255
-"""As on file systems, some of which count bytes."""
+_LONGEST_NAME: Final = 255  # as on file systems, some of which count bytes
 _LONGEST_EXTENSION: Final = 20
 
 

@@ -23,8 +23,7 @@ from service.measurements.requests import read_region
 from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
 
 TUS: Final = "1.0.0"
-PIECE: Final = "application/offset+octet-stream"
-"""Media type of a piece."""
+PIECE: Final = "application/offset+octet-stream"  # media type of a piece
 _OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
 """What uploaders of browsers say of any file."""
 _COUNT: Final = r"^[0-9]{1,15}$"
@@ -186,8 +185,7 @@ class _Piece:
     request: Request
     claim: Claim
     facts: Facts
-    piecewise: bool
-    """Whether what has arrived counts before the end."""
+    piecewise: bool  # whether what has arrived counts before the end
 
     def __post_init__(self) -> None:
         self._waiting: list[bytes] = []
