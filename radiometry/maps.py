@@ -15,18 +15,15 @@ from radiometry.records import Record
 Array = NDArray[np.float64]
 Line = NDArray[np.float64]
 
-COVERAGE: Final = 2.0
-"""Standard uncertainties below which a value is not distinguished from zero."""
+COVERAGE: Final = 2.0  # standard uncertainties below which a value is not distinguished from zero
 
 _INDEPENDENT: Final = frozenset({"rgb", GREY})
-_BEYOND: Final = 0.5
-"""Of the marked rectangle's sides: how far beyond it the road is taken as the same plane."""
+_BEYOND: Final = 0.5  # of the marked rectangle's sides: how far beyond it the road is taken as the same plane
 
 MOST_LEVELS: Final = 20
 MOST_VERTICES: Final = 50_000
 _USUAL_LEVELS: Final = 8
-TOLERANCE: Final = 0.1
-"""Of a square: how far a line is moved where points are left out of it."""
+TOLERANCE: Final = 0.1  # of a square: how far a line is moved where points are left out of it
 
 _NOISE_SHARE: Final = 0.25
 _RING_SQUARES: Final = 2.0

@@ -65,8 +65,7 @@ def name_frames(what: str, frames: Collection[str], finding: Finding) -> Cause:
     return Cause(f"{what}: {name_few('frame', frames)}", finding, subjects)
 
 
-_WAITS: Final = (shared.NOT_READ, shared.NOT_EXTRACTED)
-"""What workers do by themselves."""
+_WAITS: Final = (shared.NOT_READ, shared.NOT_EXTRACTED)  # what workers do by themselves
 
 
 def group_causes(sentences: Iterable[str], default: Finding) -> tuple[FindingGroup, ...]:

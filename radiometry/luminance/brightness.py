@@ -23,8 +23,7 @@ DOUBTFUL_REL = 0.25
 _GRAVE = 2.0
 """A reading that differs from its frames by this factor is a slip: of its point, its unit or its row."""
 
-LIKE_REL = 0.10
-"""A scene that a doubtful frame would fit better agrees with it to what markings err."""
+LIKE_REL = 0.10  # a scene that a doubtful frame would fit better agrees with it to what markings err
 
 
 def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:

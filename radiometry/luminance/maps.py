@@ -9,17 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import FieldCorrection
-from radiometry.frame import Frame, opencv, roi
+from radiometry.frame import Frame, opencv, roi, statistics
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.statistics import (
-    GREY,
-    Part,
-    Signal,
-    list_parts,
-    mean_variance,
-    name_site,
-    rounding_variance,
-)
 from radiometry.luminance import application, results
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
@@ -27,8 +18,7 @@ from radiometry.vignetting.lens import Lens, LensShare
 Plane = NDArray[np.float32]
 Sums = NDArray[np.unsignedinteger]
 
-RIM_PX = 1
-"""How far beyond its own pixels a block must be read for its values to be those of the whole frame."""
+RIM_PX = 1  # how far beyond its own pixels a block must be read for its values to be those of the whole frame
 
 _MOST_IN_16_BITS = (1 << 16) - 1
 _BAND_ROWS = 256
@@ -87,25 +77,25 @@ def _sum_bands(frame: Frame, *, channel: str) -> tuple[int, Iterator[tuple[int, 
     """Return the parts of one DN, and the sums of `sum_signal` a few rows at a time, with the first row."""
     samples = frame.samples_dn
     firsts = range(0, len(samples), _CHUNK_ROWS)
-    if frame.cfa == "rgb" and channel == GREY:
+    if frame.cfa == "rgb" and channel == statistics.GREY:
         return 3, ((row, samples[row : row + _CHUNK_ROWS].sum(axis=2, dtype=np.uint32)) for row in firsts)
-    if frame.cfa in {"rgb", GREY}:
+    if frame.cfa in {"rgb", statistics.GREY}:
         plane = samples[..., 1] if frame.cfa == "rgb" else samples
         return 1, ((row, plane[row : row + _CHUNK_ROWS]) for row in firsts)
-    parts, add = (16, _sum_around) if channel == GREY else (4, _sum_beside)
+    parts, add = (16, _sum_around) if channel == statistics.GREY else (4, _sum_beside)
     # twice as fast where they fit, as they do for 14 bits
     wide = parts * int(samples.max()) > _MOST_IN_16_BITS
     kind = np.uint32 if wide else np.uint16
     # all bits where a pixel's own value counts: choosing by them is twice as fast as by every other pixel
     own = np.zeros((_CHUNK_ROWS, samples.shape[1]), kind)
-    for site in () if channel == GREY else _green_sites(frame):
+    for site in () if channel == statistics.GREY else _green_sites(frame):
         own[site] = np.iinfo(kind).max
 
     def sum_band(first: int) -> Sums:
         rows_dn = _read_rows(samples, first - 1, min(first + _CHUNK_ROWS, len(samples)) + 1)
         band: Sums = rows_dn.astype(kind) if wide else rows_dn
         sums = add(band)
-        if channel != GREY:
+        if channel != statistics.GREY:
             chosen = np.left_shift(band[1:-1], 2)
             chosen ^= sums
             chosen &= own[: len(sums)]
@@ -204,15 +194,15 @@ def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
         return None
     if frame.cfa == "rgb":
         over = samples >= white
-        return np.asarray(over.any(axis=2) if channel == GREY else over[..., 1], np.bool_)
-    if frame.cfa == GREY:
+        return np.asarray(over.any(axis=2) if channel == statistics.GREY else over[..., 1], np.bool_)
+    if frame.cfa == statistics.GREY:
         return np.asarray(samples >= white[0], np.bool_)
     height, width = samples.shape
     rows, cols = (np.arange(height) + frame.row0) % 2, (np.arange(width) + frame.col0) % 2
     over = samples >= white[2 * rows[:, None] + cols]
     padded = np.pad(over, 1, mode="reflect")
     beside = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    if channel == GREY:
+    if channel == statistics.GREY:
         corners = padded[:-2, :-2] | padded[:-2, 2:] | padded[2:, :-2] | padded[2:, 2:]
         return np.asarray(beside | corners | over, np.bool_)
     for part in _green_sites(frame):
@@ -223,7 +213,7 @@ def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
 def find_measured(frame: Frame, *, channel: str) -> NDArray[np.bool_]:
     """Return the pixels whose signals are their own and not their neighbours'."""
     shape = frame.samples_dn.shape[:2]
-    if frame.cfa in ("rgb", GREY) or channel == GREY:
+    if frame.cfa in ("rgb", statistics.GREY) or channel == statistics.GREY:
         return np.ones(shape, np.bool_)
     measured = np.zeros(shape, np.bool_)
     for part in _green_sites(frame):
@@ -238,17 +228,23 @@ def _green_sites(frame: Frame) -> list[tuple[slice, slice]]:
 
 def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
     """Name the channels of a frame that a calibration's signal is made of."""
-    if cfa == GREY:
-        return (GREY,)
+    if cfa == statistics.GREY:
+        return (statistics.GREY,)
     if cfa == "rgb":
-        return _PLANES if channel == GREY else ("G",)
-    sites = tuple(name_site(cfa, index) for index in range(4))
-    return tuple(dict.fromkeys(site for site in sites if channel == GREY or site.startswith("G")))
+        return _PLANES if channel == statistics.GREY else ("G",)
+    sites = tuple(statistics.name_site(cfa, index) for index in range(4))
+    return tuple(dict.fromkeys(site for site in sites if channel == statistics.GREY or site.startswith("G")))
 
 
 def correct_signal(
-    frame: Frame, polygon: roi.Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
-) -> tuple[Signal, LensShare]:
+    frame: Frame,
+    polygon: roi.Polygon,
+    signal: statistics.Signal,
+    lens: Lens,
+    *,
+    channel: str,
+    dark_signal_dn: float,
+) -> tuple[statistics.Signal, LensShare]:
     """Correct a region's signal for vignetting.
 
     For an even surface N is the region's mean and V the harmonic mean of V_i. For a structured one, no part
@@ -268,20 +264,20 @@ def correct_signal(
         plane = lens.compute_plane(*_places(frame, each), channel=each.channel)
         gains.append(1.0 / plane[chosen].astype(np.float64))
         lights.append((frame.samples_dn[each.at][chosen] - dark_signal_dn) * gains[-1])
-    if channel == GREY:
+    if channel == statistics.GREY:
         gains, lights = [np.concatenate(gains)], [np.concatenate(lights)]
     count = len(gains)
     harmonic = 1.0 / (sum(float(gain.mean()) for gain in gains) / count)
     light = sum(float(found.mean()) for found in lights) / count
     deviations = [float(found.std(ddof=1)) if found.size > 1 else 0.0 for found in lights]
     spreads = [(each * harmonic, found.size) for each, found in zip(deviations, lights, strict=True)]
-    variance = sum(mean_variance(std_dn, n) for std_dn, n in spreads) / count**2
+    variance = sum(statistics.mean_variance(std_dn, n) for std_dn, n in spreads) / count**2
     share = lens.over(polygon, channels=name_channels(frame.cfa, channel=channel))
     corrected = replace(
         signal,
         value_dn=dark_signal_dn + light * harmonic,
         standard_uncertainty_dn=math.sqrt(variance),
-        rounding_dn=math.sqrt(sum(rounding_variance(std_dn) for std_dn, _ in spreads)) / count,
+        rounding_dn=math.sqrt(sum(statistics.rounding_variance(std_dn) for std_dn, _ in spreads)) / count,
     )
     effects = tuple(effect * harmonic / share.value for effect in share.effects)
     return corrected, LensShare(value=harmonic, effects=effects)
@@ -301,7 +297,7 @@ def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.floa
         band = rows[top : top + _BAND_ROWS]
         planes = [lens.compute_plane(band, cols, channel=name) for name in channels]
         shares[top : top + _BAND_ROWS] = sum(planes[1:], planes[0]) / np.float32(len(planes))
-        if channel == GREY or frame.cfa in ("rgb", GREY):
+        if channel == statistics.GREY or frame.cfa in ("rgb", statistics.GREY):
             continue
         for each in _list_parts(frame, channel=channel):
             plane, first = planes[channels.index(each.channel)], (each.rows.start - top) % 2
@@ -309,12 +305,12 @@ def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.floa
     return shares
 
 
-def _list_parts(frame: Frame, *, channel: str) -> list[Part]:
+def _list_parts(frame: Frame, *, channel: str) -> list[statistics.Part]:
     wanted = name_channels(frame.cfa, channel=channel)
-    return [each for each in list_parts(frame) if each.channel in wanted]
+    return [each for each in statistics.list_parts(frame) if each.channel in wanted]
 
 
-def _places(frame: Frame, part: Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _places(frame: Frame, part: statistics.Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the rows and columns, in the frame, of a part's pixels."""
     height, width = frame.samples_dn.shape[:2]
     return (np.arange(height) + frame.row0)[part.rows], (np.arange(width) + frame.col0)[part.cols]

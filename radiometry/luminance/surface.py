@@ -34,16 +34,14 @@ LEAST_SCATTER_REL: Final = 0.01
 """What repeated frames are expected to scatter at least, until more of them show that they do not."""
 
 _OF_REPEATS: Final = (FLICKER, pixels.SCATTER)
-_LOCAL: Final = frozenset({FLICKER})
-"""Sources that may err in each cell on its own (see `judge_uniformity`)."""
+_LOCAL: Final = frozenset({FLICKER})  # sources that may err in each cell on its own (see `judge_uniformity`)
 
 _DRAWS: Final = 500
 _SEED: Final = 0
 _SCALES: Final = (1.2, 1.5)
 _POWER: Final = 1.2
 
-LEAST_CELL_PX = 4.0
-"""Width of a cell below which the lens's blur and the rim's half pixels are much of it."""
+LEAST_CELL_PX = 4.0  # width of a cell below which the lens's blur and the rim's half pixels are much of it
 
 # of the frame's diagonal: from 17 mm to 215 mm of a 35 mm camera
 _FOCAL_LENGTHS = np.geomspace(0.4, 5.0, 60)

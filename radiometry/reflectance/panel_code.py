@@ -18,8 +18,7 @@ Corners = NDArray[np.float64]
 Plane = NDArray[np.float32]
 Grey = NDArray[np.uint8]
 
-DARKEST_PANEL = 0.35
-"""Of the way from the code's black to its white. Grass, soil and asphalt lie below 0.3."""
+DARKEST_PANEL = 0.35  # of the way from the code's black to its white. Grass, soil and asphalt lie below 0.3
 
 MOST_UNEVEN_REL, MOST_TILTED_REL = 0.05, 0.15
 """Of the square's 8 x 8 cells over their mean above black: scatter about a plane, and the plane's range."""
@@ -28,14 +27,12 @@ SAMPLES, CELLS = 64, 8
 # a plane along the rows, of unit length
 _RAMP = np.repeat(np.linspace(-1.0, 1.0, CELLS)[:, None], CELLS, axis=1)
 _RAMP /= np.linalg.norm(_RAMP)
-SHRINK = 0.65
-"""Side of the region over the panel's: what is left absorbs a tilted panel and another lens."""
+SHRINK = 0.65  # side of the region over the panel's: what is left absorbs a tilted panel and another lens
 
 CLEARLY_LESS_EVEN = 2.0
 """Scatter of the second most even side over that of the first, where both look like a panel."""
 
-SMALLEST_PX, MOST_OBLONG = 20.0, 2.0
-"""Shortest side of a stated panel, and its longest over its shortest."""
+SMALLEST_PX, MOST_OBLONG = 20.0, 2.0  # shortest side of a stated panel, and its longest over its shortest
 
 LONGEST_SIDE_PX = 2600
 """A larger picture is made smaller first, by a whole factor: a code is found at any size, in less time."""

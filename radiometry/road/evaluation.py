@@ -8,23 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised
-from radiometry.road import codes
+from radiometry.road import codes, results
 from radiometry.road.field import ANGLE_U, Field, Rows, draw_fields, fit_models, solve_field
 from radiometry.road.grid import GridPoint, find_distance
 from radiometry.road.observations import Places, Sight, Solved, gather, make_rows
 from radiometry.road.plan import Outlook, find_judged, weigh_figures
-from radiometry.road.results import (
-    ControlResult,
-    CriterionResult,
-    GridResult,
-    Model,
-    PointResult,
-    PointState,
-    Prospect,
-    RoadResult,
-    ScaleResult,
-    Share,
-)
 from radiometry.road.rules import find_criteria
 from radiometry.road.site import Road, Scale
 from radiometry.road.verdict import Drawn, draw_figures, find_worst, judge_classes, judge_criterion, summarise
@@ -45,7 +33,9 @@ _FAR, _SCATTERS = 2.0, 2.5
 _HIDDEN_SHARE = 0.1
 
 
-def evaluate_road(road: Road, points: Sequence[GridPoint], sight: Sight, *, scale: Scale) -> RoadResult:
+def evaluate_road(
+    road: Road, points: Sequence[GridPoint], sight: Sight, *, scale: Scale
+) -> results.RoadResult:
     """Evaluate a road from luminances of its grid and control points, and the readings at the latter.
 
     The field of ln E (see `radiometry.road.field`) is solved with all readings but those that a person left
@@ -76,7 +66,7 @@ def evaluate_road(road: Road, points: Sequence[GridPoint], sight: Sight, *, scal
     weights = weigh_figures(means)
     criteria = [judge_criterion(road.requirement, each, drawn) for each in find_criteria(road.requirement)]
     control, scales, grid = compare_control(solved), report_scales(solved), describe_grid(solved)
-    return RoadResult(
+    return results.RoadResult(
         verdict=find_worst(criteria),
         as_found=road.requirement.maintenance_factor is None,
         figures=tuple(summarise(*each) for each in drawn.items()),
@@ -94,7 +84,7 @@ def evaluate_road(road: Road, points: Sequence[GridPoint], sight: Sight, *, scal
     )
 
 
-def _solve(places: Places, rows: Rows, model: Model) -> tuple[NDArray[np.bool_], Field]:
+def _solve(places: Places, rows: Rows, model: results.Model) -> tuple[NDArray[np.bool_], Field]:
     """Solve without the readings that differ; return the rows that are used, too."""
     used = np.ones(len(rows.values), np.bool_)
     most = _MOST_DROPPED * np.sum(rows.is_reading)
@@ -106,7 +96,7 @@ def _solve(places: Places, rows: Rows, model: Model) -> tuple[NDArray[np.bool_],
         used[np.flatnonzero(used)[int(ratios.argmax())]] = False
 
 
-def _advise(criterion: CriterionResult, drawn: Drawn, solved: Solved) -> CriterionResult:
+def _advise(criterion: results.CriterionResult, drawn: Drawn, solved: Solved) -> results.CriterionResult:
     """Return a criterion with the further points that would decide it, and what fewer would do."""
     control, judged = solved.road.control, solved.judged
     weights = weigh_figures(np.exp(solved.field.mean[judged])).get(criterion.figure)
@@ -118,14 +108,14 @@ def _advise(criterion: CriterionResult, drawn: Drawn, solved: Solved) -> Criteri
     enough = np.flatnonzero(u <= criterion.needed_u) + 1
     needed = int(enough[0]) if len(enough) else None
     prospects = tuple(
-        Prospect(points=n, expanded_uncertainty=float(u[n - 1]), is_decided=n == needed)
+        results.Prospect(points=n, expanded_uncertainty=float(u[n - 1]), is_decided=n == needed)
         for n in sorted({*_PROSPECTS, needed or len(u)})
         if n <= (needed or len(u))
     )
     return replace(criterion, needed_points=needed, prospects=prospects)
 
 
-def compare_control(solved: Solved) -> tuple[ControlResult, ...]:
+def compare_control(solved: Solved) -> tuple[results.ControlResult, ...]:
     """Compare each control point with the map that is made without it."""
     places, rows, used, field = solved[4:]
     row_of = {int(rows.places[row]): row for row in np.flatnonzero(rows.is_reading).tolist()}
@@ -133,7 +123,7 @@ def compare_control(solved: Solved) -> tuple[ControlResult, ...]:
     found = []
     for n, each in enumerate(solved.road.control, start=len(solved.points)):
         row = row_of.get(n)
-        state: PointState = "left_out" if row is None else "differs"
+        state: results.PointState = "left_out" if row is None else "differs"
         difference = u = None
         if row in left_at:
             state = "agrees" if places.seen[n] else "not_seen"
@@ -142,7 +132,7 @@ def compare_control(solved: Solved) -> tuple[ControlResult, ...]:
             difference = each.ln_mean - float(field.mean[n])
             u = math.hypot(math.sqrt(field.covariance[n, n]), each.own_u)
         found.append(
-            ControlResult(
+            results.ControlResult(
                 **{name: getattr(each, name) for name in ("name", "x_m", "y_m", "quantity")},
                 value=math.exp(each.ln_mean),
                 without_it=None if difference is None else math.exp(each.ln_mean - difference),
@@ -155,10 +145,10 @@ def compare_control(solved: Solved) -> tuple[ControlResult, ...]:
     return tuple(found)
 
 
-def report_points(solved: Solved) -> tuple[PointResult, ...]:
+def report_points(solved: Solved) -> tuple[results.PointResult, ...]:
     places, field = solved.places, solved.field
     return tuple(
-        PointResult(
+        results.PointResult(
             **asdict(each),
             illuminance_lx=math.exp(field.mean[n]),
             u_rel=math.sqrt(field.covariance[n, n]),
@@ -169,7 +159,7 @@ def report_points(solved: Solved) -> tuple[PointResult, ...]:
     )
 
 
-def report_scales(solved: Solved) -> tuple[ScaleResult, ...]:
+def report_scales(solved: Solved) -> tuple[results.ScaleResult, ...]:
     """Return factor and slope of each pavement with what was expected of them."""
     rows, surfaces, found = solved.rows, solved.places.surfaces[solved.rows.places], []
     mean, covariance = solved.field.levels
@@ -182,7 +172,7 @@ def report_scales(solved: Solved) -> tuple[ScaleResult, ...]:
         )
         factor = math.exp(weights @ mean)
         found.append(
-            ScaleResult(
+            results.ScaleResult(
                 surface=surface,
                 factor=factor,
                 factor_u=factor * math.sqrt(weights @ covariance @ weights),
@@ -194,10 +184,10 @@ def report_scales(solved: Solved) -> tuple[ScaleResult, ...]:
     return tuple(found)
 
 
-def describe_grid(solved: Solved) -> GridResult:
+def describe_grid(solved: Solved) -> results.GridResult:
     ours, places = [solved.points[n] for n in solved.judged], solved.places
     along, across = (find_distance(getattr(p, axis) for p in ours) or 1.0 for axis in ("x_m", "y_m"))
-    return GridResult(
+    return results.GridResult(
         points=len(ours),
         hidden=int(np.sum(~places.seen[solved.judged])),
         along=len({each.x_m for each in ours}),
@@ -209,7 +199,7 @@ def describe_grid(solved: Solved) -> GridResult:
     )
 
 
-def share_out(solved: Solved, weights: Array) -> tuple[Share, ...]:
+def share_out(solved: Solved, weights: Array) -> tuple[results.Share, ...]:
     """Return what each source contributes to a weighted sum of ln E."""
     variances: dict[str, float] = {}
     for source, errors in solved.field.errors.items():
@@ -217,13 +207,16 @@ def share_out(solved: Solved, weights: Array) -> tuple[Share, ...]:
         variances[name] = variances.get(name, 0.0) + float(np.sum((weights @ errors[solved.judged]) ** 2))
     total = sum(variances.values()) or 1.0
     return tuple(
-        Share(source=source, u_rel=math.sqrt(variance), variance_share=variance / total)
+        results.Share(source=source, u_rel=math.sqrt(variance), variance_share=variance / total)
         for source, variance in sorted(variances.items(), key=lambda each: -each[1])
     )
 
 
 def flag_road(
-    solved: Solved, control: Sequence[ControlResult], scales: Sequence[ScaleResult], grid: GridResult
+    solved: Solved,
+    control: Sequence[results.ControlResult],
+    scales: Sequence[results.ScaleResult],
+    grid: results.GridResult,
 ) -> tuple[Raised, ...]:
     return (
         *_flag_conditions(solved),
@@ -247,7 +240,7 @@ def _flag_conditions(found: Solved) -> Iterator[Raised]:
         yield codes.ROAD_RULE_UNCONFIRMED.at("", f"{found.road.requirement.rule}.")
 
 
-def _flag_grid(grid: GridResult) -> Iterator[Raised]:
+def _flag_grid(grid: results.GridResult) -> Iterator[Raised]:
     if grid.view_deg > STEEPEST_DEG:
         yield codes.ROAD_VIEW_STEEP.at("", f"Up to {grid.view_deg:.0f} degrees.")
     if grid.place_u_m > grid.place_limit_m:
@@ -256,7 +249,7 @@ def _flag_grid(grid: GridResult) -> Iterator[Raised]:
         yield codes.ROAD_POINTS_HIDDEN.at("", f"{grid.hidden} of {grid.points} points.")
 
 
-def _flag_points(found: Solved, control: Sequence[ControlResult]) -> Iterator[Raised]:
+def _flag_points(found: Solved, control: Sequence[results.ControlResult]) -> Iterator[Raised]:
     for each in control:
         if each.state == "differs" and each.without_it is not None:
             u = each.without_it_u_rel or 0.0
@@ -280,7 +273,7 @@ def _flag_points(found: Solved, control: Sequence[ControlResult]) -> Iterator[Ra
         yield codes.ROAD_METER_UNCERTIFIED.at("K", "5 % are assumed of the meter behind it.")
 
 
-def _flag_scales(found: Solved, scales: Sequence[ScaleResult]) -> Iterator[Raised]:
+def _flag_scales(found: Solved, scales: Sequence[results.ScaleResult]) -> Iterator[Raised]:
     rows, read = found.rows, found.used & found.rows.is_reading
     for each in scales:
         surprise = np.sqrt(max(each.expected_u**2 - (each.factor_u / each.factor) ** 2, 1e-12))

@@ -156,8 +156,7 @@ DEFAULT_U_REL = 0.1
 """Standard uncertainty where lamp, response or light is unknown: over the library's lamps the published
 cameras err by 12 to 16 % rms with green after a calibration under illuminant A."""
 
-LEAST_U_REL = 0.02
-"""What no correction falls below, also for two lamps of the same kind."""
+LEAST_U_REL = 0.02  # what no correction falls below, also for two lamps of the same kind
 
 _REFERENCE = "A"
 _WEIGHTS = {"green": np.array([0.0, 1.0, 0.0]), "grey": np.array([0.25, 0.5, 0.25])}
