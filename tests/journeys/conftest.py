@@ -30,8 +30,9 @@ def door(request, service, tmp_path):
         yield opened
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser():
+    """It ends with the module, not with the run: while it is driven, no event loop can be run beside it."""
     if missing := find_missing():
         pytest.skip(missing)
     with sync_playwright() as started:

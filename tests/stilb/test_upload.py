@@ -170,11 +170,12 @@ def test_the_same_file_twice_is_two_uploads(service, client, dng):
 def test_the_first_failure_stops_the_rest(service, client, dng):
     service.will_refuse(422, "not_a_raw_file")
     one = stilb.Upload(campaign_id="c-1", path=dng, role="light")
-    for _ in range(20):
+    for _ in range(100):
         service.will_answer(FRAME)
     with pytest.raises(stilb.Problem, match="not_a_raw_file"):
-        client.push_all([one] * 20)
-    assert service.unsaid >= 16
+        client.push_all([one] * 100)
+    # some are under way by then, the more the slower the machine
+    assert service.unsaid > 50
 
 
 def test_small_files_widen_a_quick_line_alone():
