@@ -37,7 +37,7 @@ _QUERIES: dict[str, Node] = {
     "get_drift": {"method": "luminance", "tolerance": 0.04},
 }
 _MOST_IDS = 24
-_LONGEST_TEXT, _MOST_NUMBERS, _MOST_ROWS, _SHORT_ROW = 400, 8, 4, 200
+_LONGEST_TEXT, _MOST_NUMBERS, _MOST_ROWS, _SHORT_ROW, _DIGITS = 400, 8, 4, 200, 8
 
 
 class Recorder:
@@ -128,6 +128,8 @@ def _shorten(body: Any) -> Any:
         plain = not any(isinstance(each, dict) for each in body)
         rows = _MOST_ROWS if body and len(json.dumps(body[0])) < _SHORT_ROW else 1
         return [_shorten(each) for each in body[: _MOST_NUMBERS if plain else rows]]
+    if isinstance(body, float):
+        return float(f"{body:.{_DIGITS}g}")
     return body[:_LONGEST_TEXT] if isinstance(body, str) else body
 
 
@@ -157,14 +159,15 @@ def _tour(stage: Stage, http: httpx.Client, recorder: Recorder) -> None:
     recall = _post(http, "recalls", {"cause": cause, "reason": "certificate withdrawn"})
     http.get(f"/v1/recalls/{recall['id']}")
     for path, methods in recorder.document["paths"].items():
-        if operation := methods.get("get"):
+        name, *more = re.findall(r"{(.*?)}", path) or ("",)
+        # what has two names in its address is asked for by a demo
+        if (operation := methods.get("get")) and not more:
             query = _QUERIES.get(operation["operationId"], {})
-            (name,) = re.findall(r"{(.*?)}", path) or ("",)
             for each in sorted(recorder.ids.get(name, {""}))[-_MOST_IDS:]:
                 if "application/json" in operation["responses"]["200"]["content"]:
                     http.get(path.replace(f"{{{name}}}", each), params=query)
-    revoked = http.post(f"/v1/calibrations/{first.id}/revoke", json={"reason": "the meter was dropped"})
-    revoked.raise_for_status()
+    for version in (first.id, _change_road(http)):
+        _post(http, f"calibrations/{version}/revoke", {"reason": "the meter was dropped"})
 
 
 def _calibrate_other_cameras(stage: Stage) -> tuple[stilb.Calibration, stilb.Calibration]:
@@ -251,6 +254,17 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     ).raise_for_status()
 
 
+def _change_road(http: httpx.Client) -> str:
+    """Change the demo's road, and place its frame again; return the version that it was measured with."""
+    road = http.get("/v1/roads").json()["items"][0]
+    address = f"roads/{road['id']}"
+    _send(http, "PATCH", address, {"name": road["name"], "hidden": [road["grid"][0]["name"]]})
+    _post(http, f"{address}/placement", road["frames"][0])
+    _send(http, "PUT", f"{address}/site.geojson", http.get(f"/v1/{address}/site.geojson").json())
+    result = http.get(road["results"][0]["link"]).json()
+    return str(result["frames"][0]["calibration_id"])
+
+
 def _move(stage: Stage) -> None:
     """Send one frame whose file records that the aircraft turned."""
     sequoia = change(SEQUOIA, height_px=120, width_px=160)
@@ -322,9 +336,9 @@ def main() -> int:
                 client = stilb.Client(service.url, service.key)
                 with patch.object(httpx.Client, "send", heard), client:
                     _introduce(http)
-                    for method in METHODS:
-                        stage = Stage(client=client, folder=folder / method.name, display=display, quick=True)
-                        if not __main__.play(method.name, stage):
+                    for demo in (*(method.name for method in METHODS), "road"):
+                        stage = Stage(client=client, folder=folder / demo, display=display, quick=True)
+                        if not __main__.play(demo, stage):
                             return 1
                     _tour(replace(stage, folder=folder / "tour"), http, recorder)
     _FILE.write_text(json.dumps(recorder.examples, indent=1, sort_keys=True) + "\n", encoding="utf-8")
