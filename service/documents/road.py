@@ -46,7 +46,7 @@ def _tabulate_instruments(result: Node) -> Node:
     for version in sorted({each["calibration_id"] for each in result["frames"]}):
         first, *more = (each for each in result["frames"] if each["calibration_id"] == version)
         exposure = f"f/{plain(first['f_number'])}, {write_exposure(first['exposure_time_s'])}"
-        setting = f"{1 + len(more)} frames, {exposure}, ISO {plain(first['iso'])}"
+        setting = f"{1 + len(more)} frame{'s' * bool(more)}, {exposure}, ISO {plain(first['iso'])}"
         certificate = f"certificate {first['certificate']}" if "certificate" in first else version
         chain = f"K version {first['calibration_version']} ({first['calibration_state']}), {certificate}"
         rows.append([first["camera"], setting, chain])
@@ -66,9 +66,9 @@ def _list_remarks(result: Node) -> Iterator[str]:
         factor = " ± ".join(in_step(each["factor"], each["factor_u"]))
         slope = " ± ".join(in_step(each["slope"], each["slope_u"]))
         yield (
-            f"Luminances of {len(result['frames'])} frames were converted to illuminance by the control "
-            f"points in one generalised least squares: {each['surface']}, factor {factor}, expected 1.00 ± "
-            f"{each['expected_u']:.2f}; slope with the angle {slope}."
+            "Luminances became illuminances by the control points in one generalised least squares: "
+            f"{each['surface']}, factor {factor}, expected 1.00 ± {each['expected_u']:.2f}; slope with the "
+            f"angle {slope}."
         )
     patches = percent(result["model"]["patches_rel"])
     yield f"E from draws of the field, so that patches of pavement ({patches}) do not lower the minimum."
