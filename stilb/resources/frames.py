@@ -128,6 +128,13 @@ class Jobs(transport.Connection):
         body = transport.without_none({"state": state, **chosen})
         return int(self._post(transport.address("jobs", "retry"), body)["retried"])
 
+    def job_events(self, job_id: str) -> Iterator[dict[str, Any]]:
+        """Yield ``id``, ``state``, ``progress`` and ``attempt`` of a job as they change, until it ends."""
+        for _, data in self._transport.events(f"{transport.address('jobs', job_id)}/events"):
+            yield data
+            if data["state"] not in {"queued", "running"}:
+                return
+
     def job_causes(self) -> list[tuple[int, Job]]:
         """Return for each cause of failures that were not dismissed how many jobs have it, and the newest."""
         items = self._get(transport.address("jobs", "causes"))["items"]

@@ -4,21 +4,25 @@ import http.client
 import json
 from contextlib import closing
 
-import httpx
+import pytest
 
+import stilb
+from stilb.commands.output import Exit
 from tests.support.frames import write_frame
 
 
-def test_a_campaign_is_followed(team, tmp_path):
+def test_a_campaign_is_followed_and_a_job_to_its_end(team, signed_in, tmp_path):
     campaign = team.campaign()
-    path, key = f"/v1/campaigns/{campaign.id}/events", {"Authorization": f"Bearer {team.key}"}
-    with httpx.stream("GET", f"{team.url}{path}", headers=key, timeout=60) as answer:
-        lines = answer.iter_lines()
-        events = (json.loads(line[6:]) for line in lines if line.startswith("data: "))
-        first = next(events)
-        frame = team.client.push(campaign.id, write_frame(tmp_path / "a.DNG"), role="dark")
-        assert next(events)["revision"] > first["revision"]
-        check_heads(team, campaign, frame)
+    events = team.client.campaign_events(campaign.id)
+    first = next(events)
+    frame = team.client.push(campaign.id, write_frame(tmp_path / "a.DNG"), role="dark")
+    assert next(events)["revision"] > first["revision"]
+    states = [event["state"] for event in team.client.job_events(frame.job_id)]
+    assert states[-1] == "succeeded"
+    ended = signed_in("events", frame.job_id, "--json")
+    assert (ended.code, ended.json["state"]) == (Exit.DONE, "succeeded")
+    check_heads(team, campaign, frame)
+    events.close()
 
 
 def check_heads(team, campaign, frame):
@@ -41,3 +45,20 @@ def check_heads(team, campaign, frame):
         assert line.sock is first
         line.request("HEAD", f"/v1/campaigns/{campaign.id}/events", headers=key)
         assert line.getresponse().headers["Content-Type"].startswith("text/event")
+
+
+def test_a_cut_stream_goes_on_after_the_last_event(service, client):
+    def event(mark, revision):
+        return (
+            f"id: {mark}\nevent: campaign\ndata: {json.dumps({'id': 'c', 'revision': revision})}\n\n".encode()
+        )
+
+    stream = {"Content-Type": "text/event-stream"}
+    service.will_answer(b"retry: 3000\n\n:\n\n" + event(4, 4), headers=stream, withheld=9)
+    service.will_refuse(503, "service_stopping", retryable=True)
+    service.will_answer(event(5, 5) + b'event: end\ndata: {"code": "unauthenticated"}\n\n', headers=stream)
+    events = client.campaign_events("c")
+    assert [next(events)["revision"], next(events)["revision"]] == [4, 5]
+    with pytest.raises(stilb.Problem, match="revoked"):
+        next(events)
+    assert [asked.headers.get("last-event-id") for asked in service.asked] == [None, "4", "4"]
