@@ -123,9 +123,15 @@ class Tally:
             else:
                 self._sent[index] = sent_bytes
             if self._on_progress is not None:
-                done = {"files_done": self._files_done, "files_total": len(self._paths)}
-                sizes = {"bytes_sent": sum(self._sent), "bytes_total": sum(self.sizes)}
-                self._on_progress(Progress(filename=self._paths[index].name, **done, **sizes))
+                self._on_progress(
+                    Progress(
+                        filename=self._paths[index].name,
+                        files_done=self._files_done,
+                        files_total=len(self._paths),
+                        bytes_sent=sum(self._sent),
+                        bytes_total=sum(self.sizes),
+                    )
+                )
 
 
 Count = Callable[[int | None], None]

@@ -60,7 +60,6 @@ def add_campaign_readings(
     A reading that `replaces` another one takes its place, and the other stays in the record, withdrawn.
     """
     forms = [body] if isinstance(body, NewReading) else body
-
     campaign = lookup.owned(session, Campaign, campaign_id, caller)
     for named in {form.meter_id for form in forms if form.meter_id}:
         lookup.owned(session, Meter, named, caller)

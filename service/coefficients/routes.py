@@ -132,13 +132,10 @@ async def _find_held(
     at: datetime,
     **asker: Any,  # noqa: ANN401
 ) -> tuple[lookups.Held, ...]:
-    asked: dict[str, Any] = {
-        "camera_id": camera_id,
-        "method": wanted.method,
-        "at": at,
-        "known_at": wanted.known_at,
-    }
-    return await lookups.find_ready(context.database, **asked, **asker)
+    method, known_at = wanted.method, wanted.known_at
+    return await lookups.find_ready(
+        context.database, camera_id=camera_id, method=method, at=at, known_at=known_at, **asker
+    )
 
 
 async def _answer_ready(request: Request) -> Response | None:

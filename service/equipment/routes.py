@@ -28,7 +28,6 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a camera body, with the names that it writes into its files."""
     columns = _columns(body)
-
     camera, new = find_or_add_camera(session, caller.organisation_id, columns)
     return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 

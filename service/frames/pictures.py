@@ -223,7 +223,6 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> 
     interpolated. The newest 32 crops of an organisation are kept.
     """
     window = (body.row0_px, body.col0_px, body.height_px, body.width_px)
-
     frame = owned(session, FrameRow, frame_id, caller)
     header = require_header(frame)
     if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:

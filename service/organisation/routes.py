@@ -305,7 +305,6 @@ def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Sess
         raise problems.Problem(
             interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
-
     require_free_name(session, body.name)
     organisation = Organisation(name=body.name)
     session.add(organisation)

@@ -78,8 +78,15 @@ def enqueue(
     for job in [] if is_new else session.scalars(waiting):
         if job.parameters == parameters:
             return job
-    of = {"kind": kind, "subject_id": subject_id, "organisation_id": organisation_id, "created_by": by}
-    job = Job(id=new_id("job"), parameters=parameters, lane=lane or kind, **of)
+    job = Job(
+        id=new_id("job"),
+        kind=kind,
+        subject_id=subject_id,
+        organisation_id=organisation_id,
+        created_by=by,
+        parameters=parameters,
+        lane=lane or kind,
+    )
     session.add(job)
     touch(session, LANES[job.lane].queue)
     return job
@@ -95,8 +102,16 @@ def enqueue_extraction(
     lane: str | None = None,
 ) -> Job:
     """Add a job that reads this frame, which may be new, and computes whatever its region still lacks."""
-    of = {"kind": "extract", "subject_id": frame.id, "organisation_id": organisation_id, "by": by}
-    return enqueue(session, parameters={}, is_new=is_new, lane=lane, **of)
+    return enqueue(
+        session,
+        kind="extract",
+        subject_id=frame.id,
+        organisation_id=organisation_id,
+        by=by,
+        parameters={},
+        is_new=is_new,
+        lane=lane,
+    )
 
 
 def is_live(session: Session, subject_id: str) -> bool:
