@@ -17,7 +17,7 @@ from service.documents.routes import send_pdf
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
 from service.http import answers, auth, lookup, operations, problems
 from service.http.context import UsesContext
-from service.measurements import lists, routes
+from service.measurements import exports, routes
 from store.files import Files
 from store.queries import calibrations, organisations
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
@@ -293,5 +293,5 @@ def _draw(row: Measurement, frame: FrameRow, files: Files) -> str:
     if row.map_png_sha256:
         step = find_step(width_px)
         width_px, height_px = (step * side for side in struct.unpack(">II", png[16:24]))
-    cells = list(lists.list_outlines(row, "pixel")) if row.parameters.get("grid") else []
+    cells = list(exports.list_outlines(row, "pixel")) if row.parameters.get("grid") else []
     return draw_region(png, width_px, height_px, [row.parameters["polygon"]], thin=cells, style=_LINES)

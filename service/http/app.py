@@ -25,7 +25,7 @@ from service.http import document, middleware, problems
 from service.http.context import Context
 from service.http.problems import Problem
 from service.jobs import routes as jobs
-from service.measurements import isolines, lists
+from service.measurements import exports, isolines
 from service.measurements import routes as measurements
 from service.organisation import routes as organisation
 from service.pages import cameras, documentation, rendering
@@ -88,7 +88,7 @@ def _include_routers(app: FastAPI) -> None:
         *(system.router, organisation.keys_router, organisation.sessions_router),
         *(equipment.router, equipment.meters_router, equipment.panels_router),
         *(campaigns.router, readings.router, points.router, uploads.known_router, proposals.router),
-        *(isolines.router, lists.router, frames.router, grid.router, uploads.router),
+        *(isolines.router, exports.router, frames.router, grid.router, uploads.router),
         *(pictures.router, pictures.thumbnails_router, manifests.router),
         *(calibrations.router, methods.router, calibrations.exports_router, methods.findings_router),
         coefficients.router,

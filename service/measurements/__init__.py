@@ -1,1 +1,1 @@
-"""Measurements with a calibrated camera, their maps and lists."""
+"""Measurements with a calibrated camera, their maps, and both for other programs."""

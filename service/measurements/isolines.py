@@ -15,7 +15,7 @@ from service.http.answers import immutable_headers, not_modified, sends
 from service.http.context import UsesContext
 from service.http.problems import Problem, wrong
 from service.measurements import maps
-from service.measurements.lists import GeoJson
+from service.measurements.exports import GeoJson
 
 Coordinates = Literal["pixel", "road_m", "wgs84"]
 

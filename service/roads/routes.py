@@ -20,7 +20,7 @@ from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, located, wrong
 from service.jobs.routes import QUEUES, reply_queued
-from service.measurements.lists import GeoJson
+from service.measurements.exports import GeoJson
 from service.roads import schemas, words
 from service.tools.routes import stateless
 from store import jobs
