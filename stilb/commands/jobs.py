@@ -11,6 +11,7 @@ from stilb.commands.terminal import table
 from stilb.records import Job
 
 _SHOWN = 20
+_GIVEN_UP = frozenset({"failed", "quarantined"})
 KindChosen = Annotated[str | None, typer.Option(help="Kind of job, such as fit.")]
 
 
@@ -54,9 +55,9 @@ def events(
         else:
             found = client.campaign_events(client.find_campaign(followed).id)
         for event in found:
-            typer.echo(
-                json.dumps(event) if output.as_json else " ".join(f"{value}" for value in event.values())
-            )
+            typer.echo(json.dumps(event) if output.as_json else " ".join(map(str, event.values())))
+            if event.get("state") in _GIVEN_UP:
+                raise typer.Exit(Exit.FINDINGS)
 
 
 @command
@@ -113,7 +114,7 @@ def _one(output: Output, found: Job) -> None:
     result = ", ".join(f"{name} {value}" for name, value in (found.result or {}).items())
     said = f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"
     output.answer(found.raw, said)
-    if found.state in {"failed", "quarantined"}:
+    if found.state in _GIVEN_UP:
         raise typer.Exit(Exit.FINDINGS)
 
 
