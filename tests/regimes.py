@@ -44,7 +44,7 @@ from radiometry.luminance.application import AppliedLuminance, Effect
 from radiometry.luminance.fit import compute_risk
 from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.luminance.rows import Params as LuminanceParams
-from radiometry.luminance.surface import Cells, add_up, judge_uniformity
+from radiometry.luminance.surface import CalibratedCamera, Cells, add_up, judge_uniformity
 from radiometry.noise import channels, stacks
 from radiometry.noise.results import ChannelBlock
 from radiometry.noise.results import Params as NoiseParams
@@ -176,12 +176,13 @@ for current in (2.0, 20.0):
     regime(f"K, darks of one time, {current:g} DN/s")(_k(current=current))
 
 
-def _draw_night(random: Random, scatter: float) -> Iterator[tuple[float, AppliedLuminance]]:
-    """Yield later frames of a camera at settings of its calibration: the truth, and what is found."""
+def _draw_night(random: Random, scatter: float) -> Iterator[tuple[float, AppliedLuminance, float]]:
+    """Yield later frames of a camera at settings of its calibration: the truth, what is found, and its k."""
     k, rows, true_f, true_t, lights, _ = _draw_campaign(
         random, f=0.015, meter=0.005, scatter=scatter, levels=6
     )
     row = rows[random.integers(len(lights) * len(APERTURES))]
+    camera = CalibratedCamera(exposure=row.exposure, coefficient=k, lens=None, corrections=())
     time_s, a = row.exposure.exposure_time_s, row.exposure.f_number
     while True:
         shown = true_t[time_s] / true_f[a] ** 2 * (1.0 + scatter * random.standard_normal())
@@ -189,18 +190,16 @@ def _draw_night(random: Random, scatter: float) -> Iterator[tuple[float, Applied
             evidence.K * time_s * 3200.0 * lights[row.scene] / a**2 * shown + 0.2 * random.standard_normal()
         )
         statistics = (evidence.statistics(evidence.DARK + signal),)
-        yield (
-            lights[row.scene],
-            apply_coefficient(statistics, exposure=row.exposure, coefficients=[k]),
-        )
+        applied = apply_coefficient(statistics, exposure=row.exposure, coefficients=[k])
+        yield lights[row.scene], applied, coverage_factor(camera.find_dof(applied))
 
 
 def _field(scatter: float) -> Regime:
     def work(random: Random) -> Iterator[Drawn]:
-        truth, applied = next(_draw_night(random, scatter))
+        truth, applied, factor = next(_draw_night(random, scatter))
         found = applied.luminance_cd_m2
         u = found.standard_uncertainty / found.value
-        yield Drawn(found.value / truth - 1.0, u, K95 * u)
+        yield Drawn(found.value / truth - 1.0, u, factor * u)
 
     return work
 
@@ -209,7 +208,7 @@ def _nights(scatter: float) -> Regime:
     """The difference of two frames of a light that did not change."""
 
     def work(random: Random) -> Iterator[Drawn]:
-        both = [applied for _, applied in itertools.islice(_draw_night(random, scatter), 2)]
+        both = [applied for _, applied, _ in itertools.islice(_draw_night(random, scatter), 2)]
         shared = {each.source for each in both[0].effects if each.shared} - {SCATTER}
         old, new = (
             Budgeted(

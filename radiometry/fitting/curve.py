@@ -46,6 +46,7 @@ class CurveFit(Record):
     scatter_u_rel: float
     # Relative scatter to expect of a later frame: also where the other sources happen to explain the points
     later_scatter_u_rel: float
+    later_scatter_dof: float
     scatter_errors_rel: Vector  # Predicted error of each point from that scatter, relative, (n,)
     # Prediction of the rate of the dark current relative to its expectation, from dark and light frames
     # together, and its standard uncertainty [DN/s]
@@ -211,6 +212,7 @@ def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_square
     solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
+    later_scatter_u_rel, later_scatter_dof = _expect_scatter(curve, model, converged)
     # weights that were chosen by the residuals claim too much of the scatter
     factors = excess, TAIL_FACTOR if np.ptp(curve.scatter_weights) else 1.0
     shares, general = gls.predict_errors(converged, model, factors)
@@ -232,7 +234,8 @@ def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_square
         repeatability_u_rel=converged.find_u(READING) if weighed else None,
         f_number_u_rel=converged.find_u(F_NUMBER) if weighed else None,
         scatter_u_rel=converged.find_u(SCATTER),
-        later_scatter_u_rel=_expect_scatter(curve, model, converged),
+        later_scatter_u_rel=later_scatter_u_rel,
+        later_scatter_dof=later_scatter_dof,
         scatter_errors_rel=converged.predict_scatter(curve.scatter_weights),
         dark_rate_dn_per_s=rate,
         dark_rate_u_dn_per_s=u_rate,
@@ -246,11 +249,11 @@ def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_square
     )
 
 
-def _expect_scatter(curve: Curve, model: str, converged: gls.Converged) -> float:
-    """Return the root of the mean variance between frames by what the points show; 0 if they show nothing."""
+def _expect_scatter(curve: Curve, model: str, converged: gls.Converged) -> tuple[float, float]:
+    """Return the root of the mean variance between frames, 0 if the points show none, and its dof."""
     found = converged.find_u(SCATTER)
     if model == "semilog" or curve.scatter_u_rel is not None:
-        return found
+        return found, math.inf
     if not found:  # points that show no scatter have no outliers either
         curve = replace(curve, scatter_weights=np.ones_like(curve.scatter_weights))
     scatter = list_sources(curve, converged.linear, model=model, scattered=True)[-1]
@@ -258,11 +261,12 @@ def _expect_scatter(curve: Curve, model: str, converged: gls.Converged) -> float
     others = [(part, variance) for part, variance in pairs if part.source != SCATTER]
     free = [part for part, _ in others if part.variance is None]
     if not gls.are_separable(converged.linear.design, [*free, scatter]):
-        return found
+        return found, math.inf
     known = (replace(part, variance=variance) for part, variance in others)
     problem = Problem(converged.linear.design, converged.linear.response, (*known, scatter))
     variances = np.array([*(variance for _, variance in others), found**2])
-    return math.sqrt(gls.expect_variance(problem, variances))
+    variance, dof = gls.expect_variance(problem, variances)
+    return math.sqrt(variance), dof
 
 
 def _square(rows: gls.Rows) -> Matrix:

@@ -94,20 +94,24 @@ def _find_slope(factored: Factored) -> tuple[Vector, Matrix, Matrix]:
     return (moments - found.traces) / 2.0, expected, upper.T @ upper + lower.T @ lower - expected
 
 
-def expect_variance(problem: Problem, variances: Vector) -> float:
-    """Return the mean of the one unknown variance over all from 0 on, its likelihood taken as normal.
+def expect_variance(problem: Problem, variances: Vector) -> tuple[float, float]:
+    """Return the mean of the one unknown variance over all from 0 on, and its degrees of freedom.
 
-    Score and information at ``variances`` are those of a normal distribution of mean m and standard deviation
-    s, of which the part from 0 on has the mean m + s phi(m / s) / Phi(m / s).
+    Its likelihood is taken as normal: score and information at ``variances`` give its mean m and standard
+    deviation s. With h = phi(m / s) / Phi(m / s), the part from 0 on has the mean m + s h and the variance
+    s^2 (1 - h (h + m / s)), and degrees of freedom are 2 mean^2 / variance.
     """
     slope, information, _ = _find_slope(Factored(problem, variances))
     found = float(variances[problem.unknown[0]])
     if information[0, 0] <= 0.0:  # lost in rounding, where shared errors are a million times the points' own
-        return found
+        return found, math.inf
     s = 1.0 / math.sqrt(float(information[0, 0]))
     m = found + float(slope[0]) * s**2
     log_share = -((m / s) ** 2 + math.log(2.0 * math.pi)) / 2.0 - float(scipy.special.log_ndtr(m / s))
-    return max(0.0, m + s * math.exp(log_share))
+    h = math.exp(log_share)
+    mean = max(0.0, m + s * h)
+    variance = s**2 * (1.0 - h * (h + m / s))
+    return mean, 2.0 * mean**2 / variance if variance > 0.0 else 2.0  # its limit far below 0
 
 
 def _climb(

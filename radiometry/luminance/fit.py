@@ -311,6 +311,7 @@ def report_coefficient(
         rhs_range=_range(rhs),
         vignetting=params.vignetting,
         frame_scatter_rel=fit.later_scatter_u_rel or None,
+        frame_scatter_dof=_finite(fit.later_scatter_dof),
         conditions=_find_conditions(used, params),
         errors=_split(fit.predictions[0]) if fit.model != "semilog" else None,
         apertures=tuple(_aperture(each, fit, used, calibration) for each in fit.predictions[1:]) or None,

@@ -79,6 +79,7 @@ class Coefficient(Record):
     frame_scatter_rel: float | None = later(
         "Relative standard deviation between frames of one light, which each later frame has too."
     )
+    frame_scatter_dof: float | None = later("Degrees of freedom of that; None if infinite.")
     apertures: tuple[Aperture, ...] | None = later("K at each f-number used, rising; None where `errors` is.")
 
     def at(self, time_s: float) -> "Coefficient":

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
-from radiometry.fitting.sources import FLICKER
+from radiometry.fitting.sources import FLICKER, SCATTER
 from radiometry.frame import Frame, roi
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography, map_plane
@@ -390,7 +390,7 @@ class CalibratedCamera(Record, kw_only=False):
         )
 
     def find_dof(self, applied: AppliedLuminance) -> float:
-        """Return the degrees of freedom of a luminance's variance, by those of K and of repeated frames [1].
+        """Return the degrees of freedom of a luminance's variance, by those of K and of frames' scatter [1].
 
         [1] JCGM 100:2008, G.4.1 (Welch and Satterthwaite), doi:10.59161/JCGM100-2008E
         """
@@ -402,6 +402,8 @@ class CalibratedCamera(Record, kw_only=False):
         if self.frames is not None:
             of_frames = math.hypot(*(add_up(applied.effects, source=each) for each in _OF_REPEATS))
             doubt += of_frames**4 / self.frames.dof
+        elif self.coefficient.frame_scatter_dof:
+            doubt += add_up(applied.effects, source=SCATTER) ** 4 / self.coefficient.frame_scatter_dof
         return total**2 / doubt if doubt else math.inf
 
     def read_signal(self, frame: Frame, polygon: roi.Polygon, *, of_grid: bool = False) -> Read:

@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.17"
-    expected = "b6dfa64b0850aaa381b611692ee4282dc0e773718b048c6a3fc99a1ca51bd040"
+    assert software.FIT_CODE_VERSION == "0.1.18"
+    expected = "4925e5408987a82969f3a2c2bc22f2f1ecced3aa668406df560e86a692594085"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

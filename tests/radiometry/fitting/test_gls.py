@@ -273,7 +273,8 @@ def test_variances_are_told_apart_where_some_points_share_an_error_and_others_do
 def test_variance_to_expect_by_hand():
     """Five values of noise 1: information (n - 1) / 2 = 2 at no scatter, score (S - (n - 1)) / 2.
 
-    A sum of squares S of 4 is what noise makes, and half of N(0, 1/2) has the mean sqrt(1/2) sqrt(2/pi).
+    A sum of squares S of 4 is what noise makes, and half of N(0, 1/2) has the mean sqrt(1/2) sqrt(2/pi) and
+    2 mean^2 / variance = 4 / (pi - 2) degrees of freedom.
     """
     values = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
     parts = (independent(*np.ones(5)), replace(independent(*np.ones(5)), variance=None))
@@ -282,4 +283,5 @@ def test_variance_to_expect_by_hand():
         for size in (1.0, 0.0, 3.0)
     ]
     # without any scatter m is -1, with S of 36 it is 8, eleven standard deviations above 0
-    assert found == pytest.approx([np.sqrt(1 / np.pi), 0.3195, 8.0], rel=1e-3)
+    assert [mean for mean, _ in found] == pytest.approx([np.sqrt(1 / np.pi), 0.3195, 8.0], rel=1e-3)
+    assert [dof for _, dof in found] == pytest.approx([4 / (np.pi - 2), 2.6023, 256.0], rel=1e-3)

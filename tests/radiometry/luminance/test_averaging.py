@@ -14,7 +14,15 @@ from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.pixels import SCATTER, average_signals, evaluate_scatter
 from radiometry.luminance.surface import LEAST_SCATTER_REL
 from simulation.luminance import draw_field
-from tests.radiometry.luminance.test_measurement import CORNERS, PER_DN, flags, make_frame, measured, noisy
+from tests.radiometry.luminance.test_measurement import (
+    COEFFICIENT,
+    CORNERS,
+    PER_DN,
+    flags,
+    make_frame,
+    measured,
+    noisy,
+)
 
 GRID = Grid(corners=CORNERS, rows=2, columns=2)
 
@@ -55,6 +63,15 @@ def test_noise_averages_and_shared_errors_do_not():
     assert shared == pytest.approx({name: budget(alone)[name] for name in shared}, rel=1e-3)
     assert SCATTER not in budget(alone)
     assert "frames_disagree" not in flags(together)
+
+
+def test_a_scatter_that_few_frames_showed_widens_what_a_later_frame_states():
+    """5 % with six degrees of freedom is two thirds of the variance: k is Student's for 13."""
+    few = replace(COEFFICIENT, frame_scatter_rel=0.05, frame_scatter_dof=6.0)
+    found = measured(make_frame(noisy(1000.0)), coefficient=few)
+    u_rel = found.mean.standard_uncertainty / found.mean.value
+    assert found.effective_dof == pytest.approx(6.0 * (u_rel / 0.05) ** 4, rel=0.05)
+    assert found.coverage_factor == coverage_factor(found.effective_dof) > 2.1
 
 
 def test_changing_light_is_in_the_budget_and_cancels_between_cells():
