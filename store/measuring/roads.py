@@ -21,6 +21,7 @@ from store.measuring.plan import read_proof, require_lens, require_read, require
 from store.measuring.record import describe_software
 from store.measuring.version import choose_version, find_falloff
 from store.publications import in_force
+from store.queries import add
 from store.queries.frame_times import FrameClocks
 from store.tables import Calibration, Camera, Campaign, FrameRow, Json, Road, RoadResult
 
@@ -140,6 +141,4 @@ def write_result(
         map_png_sha256=picture.sha256 if picture else None,
         created_by=by,
     )
-    session.add(made)
-    session.flush()
-    return made
+    return add(session, made)

@@ -13,6 +13,8 @@ from store.tables.calibration import (
     ReadyCells,
     ReadyRow,
     Revocation,
+    Road,
+    RoadResult,
     Slot,
 )
 from store.tables.campaign import (
@@ -49,4 +51,3 @@ from store.tables.organisation import (
     Usage,
     WebSession,
 )
-from store.tables.road import Road, RoadResult

@@ -79,6 +79,16 @@ def one_of(column: str, values: Any) -> CheckConstraint:  # noqa: ANN401  a Lite
     return CheckConstraint(f"{column} IN {get_args(values)}", f"{column}_known")
 
 
+class Identified:
+    """A table of opaque ids that begin with the ``prefix`` that its class states."""
+
+    id: Mapped[str]
+
+    def __init_subclass__(cls, prefix: str) -> None:
+        cls.id = mapped_column(String, primary_key=True, default=lambda: new_id(prefix), sort_order=-1)
+        super().__init_subclass__()
+
+
 class Owned:
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
 

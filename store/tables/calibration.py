@@ -1,14 +1,26 @@
-"""Calibration versions, which never change, what was published and measured with them, and ready rows."""
+"""Calibration versions, which never change, what was published and measured with them, and roads."""
 
 from datetime import datetime
+from typing import Any
 
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, AuditedTogether, Base, Dated, Json, Sha256, index_some, new_id, utc_now
+from store.tables.base import (
+    Audited,
+    AuditedTogether,
+    Base,
+    Dated,
+    Identified,
+    Json,
+    Owned,
+    Sha256,
+    index_some,
+    utc_now,
+)
 
 
-class Calibration(Audited, Dated, Base):
+class Calibration(Identified, Audited, Dated, Base, prefix="cal"):
     """One version, complete and immutable (triggers hold it). Its state follows from publications."""
 
     __tablename__ = "calibration"
@@ -19,7 +31,6 @@ class Calibration(Audited, Dated, Base):
     )
     __audit_digests__ = frozenset({"result", "inputs"})
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cal"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
@@ -67,7 +78,7 @@ class Slot(Base):
     configuration: Mapped[str]
 
 
-class Publication(Audited, Base):
+class Publication(Identified, Audited, Base, prefix="pub"):
     """A version in force in [valid_from, valid_to), as known in [known_from, known_to): bitemporal.
 
     A row is only ever closed (known_to is set); a changed validity is a new row. That no two rows of a slot
@@ -87,7 +98,6 @@ class Publication(Audited, Base):
         ),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pub"))
     slot_id: Mapped[int] = mapped_column(ForeignKey("slot.id"))
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
     valid_from: Mapped[datetime]
@@ -131,7 +141,7 @@ class IssuedCertificate(Audited, Base):
     issued_at: Mapped[datetime]
 
 
-class Measurement(Audited, Dated, Base):
+class Measurement(Identified, Audited, Dated, Owned, Base, prefix="msr"):
     """One measurement, complete and immutable (triggers hold it)."""
 
     __tablename__ = "measurement"
@@ -143,8 +153,6 @@ class Measurement(Audited, Dated, Base):
         Index("ix_measurement_campaign_id", "campaign_id"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("msr"))
-    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
@@ -222,3 +230,43 @@ class MeasuredRow(Base):
     taken_to: Mapped[datetime | None]
     created_at: Mapped[datetime]
     cells: Mapped[str]
+
+
+class Road(Identified, Audited, Dated, Owned, Base, prefix="roa"):
+    """One road on one night: its site, frames, control points, conditions and requirement."""
+
+    __tablename__ = "road"
+    __audit_digests__ = frozenset({"frames"})
+    __table_args__ = (Index("ix_road_organisation_id_id", "organisation_id", "id"),)
+
+    name: Mapped[str]
+    site: Mapped[Json]
+    requirement: Mapped[Json]
+    conditions: Mapped[Json]
+    frames: Mapped[list[Any]]
+    """A frame's id and its marks, each a place in the image and on the road."""
+    points: Mapped[list[Any]] = mapped_column(default=list)
+    """Control points as they were entered."""
+    hidden: Mapped[list[str]] = mapped_column(
+        default=list, doc="Names of grid points that a car or a tree hides, as a person marked them."
+    )
+    created_by: Mapped[str]
+
+
+class RoadResult(Identified, Audited, Dated, Owned, Base, prefix="rrs"):
+    """One evaluation of a road, complete and immutable (triggers hold it)."""
+
+    __tablename__ = "road_result"
+    __audit_digests__ = frozenset({"inputs", "result"})
+    __table_args__ = (UniqueConstraint("road_id", "number"),)
+
+    road_id: Mapped[str] = mapped_column(ForeignKey("road.id"))
+    number: Mapped[int]
+    inputs: Mapped[Json]
+    """All that was stated of the road, and what was read in its frames."""
+    result: Mapped[Json]
+    result_schema: Mapped[int]
+    software: Mapped[Json]
+    content_sha256: Mapped[Sha256]
+    map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
+    created_by: Mapped[str]

@@ -14,11 +14,11 @@ from store.tables.base import (
     Base,
     BigInt,
     Dated,
+    Identified,
     Json,
     Owned,
     Sha256,
     index_some,
-    new_id,
     one_of,
     utc_now,
 )
@@ -27,14 +27,13 @@ CampaignKind = Literal["calibration", "measurement"]
 FrameState = Literal["received", "read", "extracted", "refused"]
 
 
-class Campaign(Audited, Dated, Base):
+class Campaign(Identified, Audited, Dated, Base, prefix="cmp"):
     __tablename__ = "campaign"
     __table_args__ = (
         one_of("kind", CampaignKind),
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cmp"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"), index=True)
     method: Mapped[str] = mapped_column(String)
@@ -71,26 +70,24 @@ class Campaign(Audited, Dated, Base):
         return self.kind == "measurement"
 
 
-class Roi(Audited, Dated, Owned, Base):
+class Roi(Identified, Audited, Dated, Owned, Base, prefix="roi"):
     """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
 
     __tablename__ = "roi"
     __table_args__ = (UniqueConstraint("organisation_id", "sha256"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("roi"))
     sha256: Mapped[Sha256]
     points: Mapped[list[Any]]  # corners; of several parts together those of the rectangle around them
     parts: Mapped[list[Any] | None]  # name and points of each, if several
 
 
-class Reading(Audited, Dated, Base):
+class Reading(Identified, Audited, Dated, Base, prefix="rdg"):
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
         CheckConstraint("value > 0", "value_positive"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rdg"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), index=True)
     scene: Mapped[str]
     quantity: Mapped[str]
@@ -122,7 +119,7 @@ class Blob(Dated, Base):
     """Since it was found other than it was stored; the same upload ends that."""
 
 
-class FrameRow(Audited, Dated, Base):
+class FrameRow(Identified, Audited, Dated, Base, prefix="frm"):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
@@ -139,7 +136,6 @@ class FrameRow(Audited, Dated, Base):
         index_some("ix_frame_not_extracted", "state", "refusal_code", where=text("state <> 'extracted'")),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("frm"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
     filename: Mapped[str]
@@ -168,14 +164,13 @@ class FrameRow(Audited, Dated, Base):
         return (self.header["width_px"], self.header["height_px"]) if self.header else None
 
 
-class Extraction(Audited, Dated, Base):
+class Extraction(Identified, Audited, Dated, Base, prefix="ext"):
     """The statistics of one frame in one region by one version of the code: made once, never changed."""
 
     __tablename__ = "extraction"
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"features"})
     __table_args__ = (UniqueConstraint("frame_id", "roi_id", "extractor"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ext"))
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     roi_id: Mapped[str] = mapped_column(ForeignKey("roi.id"))
     extractor: Mapped[str]
@@ -204,7 +199,7 @@ class ChannelRow(AuditedTogether, Base):
     white_level_dn: Mapped[float]
 
 
-class Crop(Dated, Owned, Base):
+class Crop(Identified, Dated, Owned, Base, prefix="crp"):
     """A picture that can be drawn again from its frame; derived, so never audited."""
 
     __tablename__ = "crop"
@@ -213,7 +208,6 @@ class Crop(Dated, Owned, Base):
         Index("ix_crop_organisation_id_id", "organisation_id", "id"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("crp"))
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     asked: Mapped[str]
     job_id: Mapped[str] = mapped_column(ForeignKey("job.id"))
@@ -283,7 +277,7 @@ class Rendering(Dated, Base):
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
 
 
-class Manifest(Audited, Dated, Owned, Base):
+class Manifest(Identified, Audited, Dated, Owned, Base, prefix="man"):
     """Contents of a card, as the sender lists them; never changed."""
 
     __tablename__ = "manifest"
@@ -293,7 +287,6 @@ class Manifest(Audited, Dated, Owned, Base):
         Index("ix_manifest_campaign_id_id", "campaign_id", "id"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("man"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
     sha256: Mapped[Sha256]  # of both lists in JSON: the same card, the same row
     files: Mapped[list[Any]]
@@ -334,13 +327,12 @@ class ChecklistSignature(Audited, Base):
     state_sha256: Mapped[Sha256 | None]  # of details, frames, readings and region as they were signed
 
 
-class Recall(Audited, Dated, Base):
+class Recall(Identified, Audited, Dated, Base, prefix="prg"):
     """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"
     __table_args__ = (CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", "who_and_when"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("prg"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     cause: Mapped[Json]
     reason: Mapped[str]

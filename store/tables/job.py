@@ -7,7 +7,7 @@ from sqlalchemy import CheckConstraint, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.log_fields import present_request_id
-from store.tables.base import Base, Dated, Json, Owned, index_some, new_id, one_of, utc_now
+from store.tables.base import Base, Dated, Identified, Json, Owned, index_some, one_of, utc_now
 
 JobKind = Literal["extract", "fit", "measure"]
 JobState = Literal["queued", "running", "succeeded", "failed", "quarantined"]
@@ -17,7 +17,7 @@ _SENT = text("state = 'queued' AND sent_at IS NOT NULL")
 _READING = text("kind = 'extract' AND state IN ('queued', 'running')")
 
 
-class Job(Dated, Owned, Base):
+class Job(Identified, Dated, Owned, Base, prefix="job"):
     __tablename__ = "job"
     __table_args__ = (
         one_of("kind", JobKind),
@@ -34,7 +34,6 @@ class Job(Dated, Owned, Base):
         index_some("ix_job_reading", "organisation_id", "subject_id", where=_READING),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))
     kind: Mapped[str]
     subject_id: Mapped[str]  # the frame or campaign it works on
     lane: Mapped[str]  # what it is: `store.jobs.queues.LANES` names its queue and its task

@@ -6,16 +6,15 @@ from typing import Any, ClassVar, Literal
 from sqlalchemy import CheckConstraint, ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, Base, BigInt, Dated, Json, Owned, Sha256, new_id, one_of
+from store.tables.base import Audited, Base, BigInt, Dated, Identified, Json, Owned, Sha256, one_of
 
 MeterKind = Literal["luminance", "illuminance", "sunshine"]
 _WHO = "Who uses the key, as certificates name who fitted and who approved."
 
 
-class Organisation(Audited, Dated, Base):
+class Organisation(Identified, Audited, Dated, Base, prefix="org"):
     __tablename__ = "organisation"
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("org"))
     name: Mapped[str] = mapped_column(unique=True)
     address: Mapped[str | None]  # as a certificate names it
     operator: Mapped[bool] = mapped_column(default=False)  # it runs this service: its admins found the others
@@ -24,14 +23,13 @@ class Organisation(Audited, Dated, Base):
     time_zone: Mapped[str | None]  # of its cameras' clocks, for files without an offset: IANA name or offset
 
 
-class ApiKey(Audited, Dated, Base):
+class ApiKey(Identified, Audited, Dated, Base, prefix="key"):
     """A key of one organisation, known by its hash."""
 
     __tablename__ = "api_key"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"sha256"})
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     name: Mapped[str]
     person: Mapped[str | None] = mapped_column(doc=_WHO)
@@ -43,13 +41,12 @@ class ApiKey(Audited, Dated, Base):
     revoked_at: Mapped[datetime | None]
 
 
-class WebSession(Audited, Dated, Base):
+class WebSession(Identified, Audited, Dated, Base, prefix="ses"):
     """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
 
     __tablename__ = "web_session"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ses"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
     browser: Mapped[str | None] = mapped_column(doc="As it names itself.")
@@ -82,7 +79,7 @@ class IdempotentAnswer(Dated, Base):
     body: Mapped[Json]
 
 
-class Camera(Audited, Dated, Owned, Base):
+class Camera(Identified, Audited, Dated, Owned, Base, prefix="cam"):
     __tablename__ = "camera"
     __table_args__ = (
         UniqueConstraint("organisation_id", "make", "model", "serial"),
@@ -90,7 +87,6 @@ class Camera(Audited, Dated, Owned, Base):
         CheckConstraint("sensor_width_mm > 0", "sensor_width_positive"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cam"))
     make: Mapped[str]
     model: Mapped[str]
     serial: Mapped[str]
@@ -102,7 +98,7 @@ class Camera(Audited, Dated, Owned, Base):
     note: Mapped[str | None]
 
 
-class Meter(Audited, Dated, Owned, Base):
+class Meter(Identified, Audited, Dated, Owned, Base, prefix="met"):
     __tablename__ = "meter"
     __table_args__ = (
         UniqueConstraint("organisation_id", "kind", "make", "model", "serial"),
@@ -115,7 +111,6 @@ class Meter(Audited, Dated, Owned, Base):
         CheckConstraint("certificate_due_on >= certificate_issued_on", "certificate_dates"),
     )
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("met"))
     kind: Mapped[str]
     make: Mapped[str]
     model: Mapped[str]
@@ -128,24 +123,22 @@ class Meter(Audited, Dated, Owned, Base):
     certificate_coverage_factor: Mapped[float | None]
 
 
-class Panel(Audited, Dated, Owned, Base):
+class Panel(Identified, Audited, Dated, Owned, Base, prefix="pnl"):
     """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
 
     __tablename__ = "panel"
     __table_args__ = (UniqueConstraint("organisation_id", "serial", "measured_on"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pnl"))
     serial: Mapped[str]
     measured_on: Mapped[date]
     bands: Mapped[list[Any]]  # of each its name, reflectance and, where stated, standard uncertainty
 
 
-class Rig(Audited, Dated, Owned, Base):
+class Rig(Identified, Audited, Dated, Owned, Base, prefix="rig"):
     """Cameras that are mounted together; with another camera it is another rig."""
 
     __tablename__ = "rig"
     __table_args__ = (UniqueConstraint("organisation_id", "name"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rig"))
     name: Mapped[str]
     camera_ids: Mapped[list[str]]  # the reference first
