@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import cache
 
-from bench import growth, harness, lookups, reading, uploads, workers
+from bench import growth, harness, lookups, reading, start, uploads
 from tests.support.postgres import PostgresServer
 
 _FULL = harness.Scale(coefficients=(10_000, 100_000, 1_000_000))
@@ -30,8 +30,7 @@ def main(scale: harness.Scale, *names: str) -> int:
             "uploads": lambda: uploads.run(scale, postgres()),
             "growth": lambda: growth.run(scale),
             "lookups": lambda: lookups.run(scale, postgres()),
-            "workers": lambda: workers.run(scale, postgres()),
-            "start": lambda: workers.run_start(scale),
+            "start": lambda: start.run(scale),
         }
         if strange := set(names) - parts.keys():
             harness.say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")
