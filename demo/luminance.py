@@ -128,6 +128,18 @@ def carry_out(stage: Stage, campaign: Campaign, *, seed: int) -> stilb.Calibrati
     )
 
 
+def certify(number: str, u_rel: float, *, year: int) -> dict[str, Any]:
+    """Return the certificate of a meter, of January of a year."""
+    return {
+        "number": number,
+        "laboratory": "Photometry Laboratory, Demo",
+        "issued_on": f"{year}-01-17",
+        "due_on": f"{year + 1}-01-17",
+        "expanded_uncertainty_rel": 2 * u_rel,
+        "coverage_factor": 2.0,
+    }
+
+
 def _read_meters(client: stilb.Client, campaign_id: str, readings: Sequence[Reading]) -> None:
     ids = {
         kind: client.create_meter(
@@ -135,14 +147,7 @@ def _read_meters(client: stilb.Client, campaign_id: str, readings: Sequence[Read
             "Konica Minolta",
             model,
             serial,
-            certificate={
-                "number": number,
-                "laboratory": "Photometry Laboratory, Demo",
-                "issued_on": "2025-01-17",
-                "due_on": "2026-01-17",
-                "expanded_uncertainty_rel": 2 * u_rel,
-                "coverage_factor": 2.0,
-            },
+            certificate=certify(number, u_rel, year=_STARTED_AT.year),
         ).id
         for kind, (model, serial, number, u_rel) in _METERS.items()
     }

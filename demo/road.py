@@ -2,8 +2,6 @@
 
 import math
 from datetime import UTC, datetime
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +9,13 @@ from scipy.spatial.transform import Rotation
 
 import stilb
 from demo import luminance
-from demo.journey import Finding, Stage, as_table, begin, send, write_files
+from demo.journey import Finding, Stage, as_table, begin, take
 from radiometry.frame.exposure import Settings
 from radiometry.frame.grid import map_plane
-from simulation.camera import Lamp, Plane, Shot, change, take
-from simulation.dng import write_dng
+from radiometry.frame.roi import Window
+from radiometry.records import Record
+from simulation.camera import Camera, Lamp, Plane, Shot, change
 from simulation.luminance import X5S
-from simulation.targets import Picture
 
 _SEED, _FRAMES = 20261112, 4
 _TAKEN_AT = datetime(2026, 11, 12, 20, 42, tzinfo=UTC)
@@ -36,14 +34,6 @@ _ROAD: dict[str, Any] = {
     "site": _SITE,
     "requirement": {"rule": "EN 13201-2:2015", "road_class": "C3", "confirmed": "the demo"},
     "conditions": {"surface": "dry", "mains_frequency_hz": 50, "power_w": 276, "reflectance": 0.11},
-}
-_METER = {
-    "number": "E-2026-0118",
-    "laboratory": "Photometry Laboratory, Demo",
-    "issued_on": "2026-01-17",
-    "due_on": "2027-01-17",
-    "expanded_uncertainty_rel": 0.04,
-    "coverage_factor": 2.0,
 }
 
 
@@ -69,24 +59,22 @@ def look(turn: int) -> Plane:
     return np.asarray(lens @ lean.as_matrix() @ above, np.float64)
 
 
-def write_frame(folder: Path, turn: int) -> Path:
-    """Write a frame of the road, its pavement in patches."""
-    height, width = _CAMERA.sensor.height_px, _CAMERA.sensor.width_px
-    middles = [np.arange(_BLOCK_PX / 2, size + _BLOCK_PX, _BLOCK_PX) for size in (height, width)]
-    rows, cols = np.meshgrid(*middles, indexing="ij")
-    back = np.asarray(np.linalg.inv(look(turn)), np.float64)
-    x, y = np.moveaxis(map_plane(back, np.stack([cols, rows], axis=-1)), -1, 0)
-    patches = np.random.default_rng(_SEED).standard_normal((400, 400))
-    at = [np.clip((each / _PATCH_M).astype(np.intp) + 200, 0, 399) for each in (y, x)]
-    blocks = illuminate(x, y) * _RHO / math.pi * np.exp(_PATCHES_REL * patches[at[0], at[1]])
-    shares = np.kron(blocks, np.ones((_BLOCK_PX, _BLOCK_PX))).astype(np.float64)[:height, :width]
-    shot = Shot(
-        frame="", role="field", settings=_SETTINGS, lamp=Lamp(luminance_cd_m2=1.0), target=Picture(shares)
-    )
-    taken = take(_CAMERA, shot, np.random.default_rng([_SEED, turn]))
-    path = folder / f"road-{turn + 1:02}.DNG"
-    write_dng(path, taken.frame.samples_dn, camera=_CAMERA, settings=_SETTINGS, taken_at=_TAKEN_AT)
-    return path
+class _Pavement(Record):
+    """The road as a frame sees it, its pavement in patches; drawn only when it is photographed."""
+
+    turn: int
+
+    def draw(self, camera: Camera, window: Window) -> Plane:  # noqa: ARG002  as every target
+        """Return the luminance of each pixel [cd/m2]."""
+        height, width = camera.sensor.height_px, camera.sensor.width_px
+        middles = [np.arange(_BLOCK_PX / 2, size + _BLOCK_PX, _BLOCK_PX) for size in (height, width)]
+        rows, cols = np.meshgrid(*middles, indexing="ij")
+        back = np.asarray(np.linalg.inv(look(self.turn)), np.float64)
+        x, y = np.moveaxis(map_plane(back, np.stack([cols, rows], axis=-1)), -1, 0)
+        patches = np.random.default_rng(_SEED).standard_normal((400, 400))
+        at = [np.clip((each / _PATCH_M).astype(np.intp) + 200, 0, 399) for each in (y, x)]
+        blocks = illuminate(x, y) * _RHO / math.pi * np.exp(_PATCHES_REL * patches[at[0], at[1]])
+        return np.kron(blocks, np.ones((_BLOCK_PX, _BLOCK_PX))).astype(np.float64)[:height, :width]
 
 
 def run(stage: Stage) -> bool:
@@ -96,12 +84,17 @@ def run(stage: Stage) -> bool:
     night = begin(
         stage, str(calibration.camera_id), "luminance", kind="measurement", project_number="DEMO-road"
     )
-    paths = write_files(stage, [partial(write_frame, stage.folder, turn) for turn in range(count)])
-    sent = send(stage, [stilb.Upload(campaign_id=night, path=path, role="field") for path in paths])
+    lamp = Lamp(luminance_cd_m2=1.0)
+    shots = [
+        Shot(frame=f"road-{n + 1:02}", role="field", settings=_SETTINGS, lamp=lamp, target=_Pavement(turn=n))
+        for n in range(count)
+    ]
+    sent = take(stage, night, shots, camera=_CAMERA, seed=_SEED, started_at=_TAKEN_AT)
     frames = [{"frame_id": each.id, "marks": _mark(turn)} for turn, each in enumerate(sent)]
     road = client.create_road(**_ROAD, frames=frames)
     planned = client.plan_road(road.id)["points"]
-    meter = client.create_meter("illuminance", "Konica Minolta", "T-10A", "40027732", certificate=_METER)
+    certificate = luminance.certify("E-2026-0118", 0.02, year=2026)
+    meter = client.create_meter("illuminance", "Konica Minolta", "T-10A", "40027732", certificate=certificate)
     client.set_road_points(road.id, _read(planned, meter.id))
     with display.stage(f"evaluating {count} frames"):
         result = client.evaluate_road(road.id)
@@ -141,14 +134,9 @@ def _compare(raw: dict[str, Any]) -> list[Finding]:
     average, least = float(light.mean()), float(light.min())
     truths = {"e_av": average, "e_min": least, "u_0": least / average}
     truths["pdi"] = 276e3 / (average * _SPACING_M * _WIDTH_M)
+    names = ("value", "standard_uncertainty", "unit")
     return [
-        Finding(
-            what=each["figure"],
-            value=each["value"],
-            standard_uncertainty=each["standard_uncertainty"],
-            truth=truths[each["figure"]],
-            unit=each["unit"],
-        )
+        Finding.of(figure, stilb.Quantity(**{name: each[name] for name in names}), truth=truths[figure])
         for each in raw["figures"]
-        if each["figure"] in truths
+        if (figure := each["figure"]) in truths
     ]
