@@ -143,11 +143,7 @@ def certify(number: str, u_rel: float, *, year: int) -> dict[str, Any]:
 def _read_meters(client: stilb.Client, campaign_id: str, readings: Sequence[Reading]) -> None:
     ids = {
         kind: client.create_meter(
-            kind,
-            "Konica Minolta",
-            model,
-            serial,
-            certificate=certify(number, u_rel, year=_STARTED_AT.year),
+            kind, "Konica Minolta", model, serial, certificate=certify(number, u_rel, year=_STARTED_AT.year)
         ).id
         for kind, (model, serial, number, u_rel) in _METERS.items()
     }

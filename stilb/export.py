@@ -70,7 +70,7 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
     content = transport.send(Call(method="GET", path=f"{of_version}/certificate.json")).content
     certificate = json.loads(content)
     frames = certificate["frames"]
-    total = sum(frame["size_bytes"] for frame in frames)
+    total = {"files_total": len(frames), "bytes_total": sum(frame["size_bytes"] for frame in frames)}
     done = 0
     for number, frame in enumerate(frames, start=1):
         _fetch(
@@ -78,13 +78,7 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
         )
         done += frame["size_bytes"]
         if on_progress is not None:
-            counts = {
-                "files_done": number,
-                "files_total": len(frames),
-                "bytes_done": done,
-                "bytes_total": total,
-            }
-            on_progress(ExportProgress(filename=frame["frame"], **counts))
+            on_progress(ExportProgress(filename=frame["frame"], files_done=number, bytes_done=done, **total))
     transport.download(Call(method="GET", path=f"{of_version}/certificate.pdf"), folder / "certificate.pdf")
     status = transport.json(Call(method="GET", path=of_version))
     for issued in status.get("certificates", [])[1:]:

@@ -30,21 +30,16 @@ class InForce(Record):
 
 
 def publish(
-    session: Session,
-    calibration: Calibration,
-    *,
-    valid_from: datetime,
-    valid_to: datetime | None,
-    reason: str,
+    session: Session, version: Calibration, *, valid_from: datetime, valid_to: datetime | None, reason: str
 ) -> Publication:
     """Put a version in force in [valid_from, valid_to); it replaces what held there before."""
-    slot = _lock_slot(session, calibration)
+    slot = _lock_slot(session, version)
     # under the lock only: whoever held it before may have revoked this version
-    require_not_revoked(session, calibration)
+    require_not_revoked(session, version)
     now = _next_instant(session, slot)
     row = Publication(
         slot_id=slot.id,
-        calibration_id=calibration.id,
+        calibration_id=version.id,
         valid_from=valid_from,
         valid_to=valid_to,
         known_from=now,

@@ -145,12 +145,9 @@ def _name(certificate: data.Node) -> str:
 def _name_unseen(certificate: data.Node) -> str:
     """Return how many frames were rows of a table, whose pixels nobody can recompute; "" if none was."""
     frames = certificate.get("frames", [])
-    unseen = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
-    return (
-        f" Of {len(frames)} frames {unseen} are rows of a table: their pixels were not seen."
-        if unseen
-        else ""
-    )
+    rows = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
+    said = f" Of {len(frames)} frames {rows} are rows of a table: their pixels were not seen."
+    return said if rows else ""
 
 
 def _conclude(rows: list[compare.Row]) -> str:

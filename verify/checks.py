@@ -29,10 +29,7 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
         *compare("readings", certificate["readings"], data.readings),
         *compare("panels", certificate["panels"], data.panels),
         *compare("regions", certificate["regions"], data.regions),
-        *(
-            Row("regions", "SHA-256 of its corners", each["sha256"], hash_region(each))
-            for each in data.regions
-        ),
+        *(Row("regions", "SHA-256 of its corners", roi["sha256"], hash_region(roi)) for roi in data.regions),
         *_meters(certificate),
         *_figures(certificate, found),
         Row(

@@ -23,8 +23,7 @@ ROAD_NOT_SEEN = error(
     "Take frames that cover the field, and place each by marked points.",
 )
 ROAD_NOT_DRY = flag_measurement(
-    "The road is not stated to be dry.",
-    "Measure it when it is dry, and state `surface`.",
+    "The road is not stated to be dry.", "Measure it when it is dry, and state `surface`."
 )
 ROAD_LAMPS_DIFFER = flag_measurement(
     "K was measured under another kind of lamp than the road's: the control points alone correct it.",
@@ -47,8 +46,7 @@ ROAD_POINT_DIFFERS = flag_measurement(
     "Correct its reading or place, or leave it out with the reason.",
 )
 ROAD_POINTS_FEW = flag_measurement(
-    "Fewer than four control points are used.",
-    "Read eight, half of them below and half between the lamps.",
+    "Fewer than four control points are used.", "Read eight, half of them below and half between the lamps."
 )
 ROAD_POINTS_ONE_SIDED = flag_measurement(
     "All control points lie on one side of the field.",

@@ -68,16 +68,9 @@ def push(  # noqa: PLR0913  each is an option
     campaign_id = (_wait_for_service(output, find, every_s=every) if watch else find()).id
     if watch:
         list_files = partial(sort_files, folder, rules or ANY_RULES, raw_only=role is None)
-        found_files = partial(_list_or_note, output, list_files)
+        listed = partial(_list_or_note, output, list_files)
         follow(
-            output,
-            folder,
-            campaign_id,
-            found_files,
-            every_s=every,
-            wait=wait,
-            receipt=receipt,
-            placed=not rules,
+            output, folder, campaign_id, listed, every_s=every, wait=wait, receipt=receipt, placed=not rules
         )
         return
     files, left_out = _list_files(folder, rules or ANY_RULES, raw_only=role is None)
@@ -143,11 +136,8 @@ def transfer(
 ) -> Report:
     """Bring files to a campaign, patiently, before a person's eyes; then write the receipt."""
     journal = Journal.of(folder, config_folder() / "journals")
-    on_retry = partial(tell_retry, output.err)
-    with (
-        output.client(retries=_PATIENT_RETRIES, on_retry=on_retry) as client,
-        showing(output.err) as listener,
-    ):
+    tell = partial(tell_retry, output.err)
+    with output.client(retries=_PATIENT_RETRIES, on_retry=tell) as client, showing(output.err) as listener:
         report = push_files(client, campaign_id, files, journal, listener=listener, wait=wait)
         whole = attest and 0 < len(report.files) == report.received
         path = write_receipt(output, client, folder, report, receipt) if whole else None

@@ -54,21 +54,17 @@ def compare_panels(old: Calibration, new: Calibration) -> tuple[Reference, dict[
 
 
 def touch_band(
-    application: BandApplication,
-    measurement: Measurement,
-    frame: FrameRow,
-    old: Calibration,
-    new: Calibration,
+    application: BandApplication, measured: Measurement, frame: FrameRow, old: Calibration, new: Calibration
 ) -> comparison.MeasuredChange:
-    if "index" in measurement.parameters:
+    if "index" in measured.parameters:
         return comparison.MeasuredChange.untold("An index changes with both of its bands: measure it again.")
-    band = str(measurement.result.get("band", ""))
+    band = str(measured.result.get("band", ""))
     try:
         change = application.change(
             codec.read_applied(old),
             codec.read_applied(new),
-            header=read_header(frame, measurement.parameters.get("time_zone")),
-            incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
+            header=read_header(frame, measured.parameters.get("time_zone")),
+            incidence_angle_deg=measured.parameters.get("incidence_angle_deg"),
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
         )
     except InputRejected as refusal:

@@ -33,10 +33,8 @@ _USUAL_VIEW = 1.0
 def plan_evaluation(session: Session, row: Road, stated: StatedRoad) -> Json:
     """Return the parameters of the job: what is decided here cannot change while it waits."""
     clocks = FrameClocks(session)
-    return {
-        "road": encode(stated),
-        "frames": [_plan_frame(session, clocks, each, stated.site) for each in row.frames],
-    }
+    frames = [_plan_frame(session, clocks, each, stated.site) for each in row.frames]
+    return {"road": encode(stated), "frames": frames}
 
 
 def _plan_frame(session: Session, clocks: FrameClocks, stated: Json, site: Site) -> Json:

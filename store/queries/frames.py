@@ -279,11 +279,7 @@ _MOST_NAMED = 500  # more extractions than this are not named one by one in a qu
 
 
 def read_frames(
-    session: Session,
-    campaign: Campaign,
-    roles: Collection[str] | None = None,
-    *,
-    memory: Memory | None = None,
+    session: Session, campaign: Campaign, roles: Collection[str] | None = None, memory: Memory | None = None
 ) -> list[FrameColumns]:
     """Read all frames of a campaign, or those of some roles, in the order in which they came."""
     kept = (memory or Memory()).frames

@@ -163,12 +163,8 @@ def _read_tables(body: bytes) -> dict[int, bytes]:
             raise _damaged()
         # Kraft's inequality: more codes than fit would overrun the decoders' tables.
         room = sum(count << (16 - length) for length, count in enumerate(counts, start=1))
-        if (
-            room > 1 << 16
-            or not sum(counts)
-            or max(table[16:]) > 16
-            or len(set(table[16:])) != len(table) - 16
-        ):
+        values = table[16:]
+        if room > 1 << 16 or not values or max(values) > 16 or len(set(values)) != len(values):
             raise _damaged()
         tables[body[0]] = table
         body = body[len(table) + 1 :]

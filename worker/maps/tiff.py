@@ -226,13 +226,9 @@ def write_picture(path: Path, samples: Samples, facts: MapFacts) -> None:
     """Write whole numbers, (row, col) or (row, col, 3): differences of neighbours are small, so predicted."""
     import tifffile
 
+    shown = "rgb" if samples.ndim == 3 else "minisblack"
     with tifffile.TiffWriter(path, byteorder="<") as file:
-        file.write(
-            samples,
-            predictor=True,
-            photometric="rgb" if samples.ndim == 3 else "minisblack",
-            **_describe(facts),
-        )
+        file.write(samples, predictor=True, photometric=shown, **_describe(facts))
     append_directories(path, facts.header, facts.exposure)
 
 

@@ -17,12 +17,7 @@ _CORNERS: Final = 4
 _LONGEST_RUN_S: Final = 1e6
 # The first firmware whose horizontal irradiance its maker trusts: earlier ones computed it wrongly. By the
 # beginning of the model's name, longest first.
-_TRUSTED_SINCE: Final = {
-    "Altum-PT": (1, 0, 0),
-    "RedEdge-P": (1, 0, 0),
-    "Altum": (1, 2, 3),
-    "RedEdge": (5, 1, 7),
-}
+_TRUSTED: Final = {"Altum-PT": (1, 0, 0), "RedEdge-P": (1, 0, 0), "Altum": (1, 2, 3), "RedEdge": (5, 1, 7)}
 # They were never made for the first light sensor, which writes SI units.
 _ONLY_DLS2: Final = ("Altum", "RedEdge-P")
 
@@ -134,7 +129,7 @@ def _distrust(packet: Packet) -> str | None:
     """Why the file's horizontal irradiance is not used; None where it is."""
     version = re.match(r"v?([0-9]{1,9})[.]([0-9]{1,9})[.]([0-9]{1,9})", packet.software)
     model = packet.model or "unnamed model"
-    good = next((since for name, since in _TRUSTED_SINCE.items() if model.startswith(name)), None)
+    good = next((since for name, since in _TRUSTED.items() if model.startswith(name)), None)
     if version is not None and good is not None and tuple(map(int, version.groups())) >= good:
         return None
     firmware = f"{model}, firmware {packet.software or 'not stated'}"
