@@ -103,7 +103,8 @@ def run(stage: Stage) -> bool:
     client.save_plan(road.id, stage.folder / "plan.pdf")
     findings = _compare(result.raw)
     display.show(as_table(f"road, {len(planned)} control points:", findings))
-    display.say(f"{result.verdict} by {_ROAD['requirement']['road_class']}; report in {stage.folder}")
+    verdict = f"{result.verdict} by {_ROAD['requirement']['road_class']}"
+    display.say(f"{verdict}; KEEP=1 keeps the report in {stage.folder}")
     return all(each.agrees for each in findings)
 
 
