@@ -5,25 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
-from radiometry.frame.statistics import measure_signal
-from radiometry.luminance import method as luminance
+from radiometry.luminance import maps
 from radiometry.luminance.application import change_luminance
-from radiometry.luminance.maps import (
-    RIM_PX,
-    compute_map,
-    compute_shares,
-    correct_signal,
-    find_map_scale,
-    name_channels,
-)
 from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
 from tests.radiometry.coefficients import COEFFICIENT
@@ -172,9 +161,9 @@ def test_noise_and_dark_grow_with_the_gain():
 @pytest.mark.parametrize(("channel", "cfa"), [("green", "RGGB"), ("grey", "RGGB"), ("green", "GBRG")])
 def test_a_map_is_divided_pixel_by_pixel_and_by_strips(channel, cfa):
     coefficient = replace(WITH, channel=channel)
-    scale = find_map_scale((coefficient,), EXPOSURE, lens=LENS)
+    scale = maps.find_map_scale((coefficient,), EXPOSURE, lens=LENS)
     frame = lit(20_000.0, cfa)
-    whole = compute_map(frame, scale)
+    whole = maps.compute_map(frame, scale)
     if channel == "green":
         # at the rim a neighbour inside stands for the one outside, where the lens passes another share
         assert whole[1:-1, 1:-1] == pytest.approx(np.full((62, 94), 20_000.0 * PER_DN), rel=1e-3)
@@ -182,38 +171,17 @@ def test_a_map_is_divided_pixel_by_pixel_and_by_strips(channel, cfa):
         # colours that pass unequal shares: K of grey holds for their mean
         assert whole[2:-2, 2:-2] == pytest.approx(np.full((60, 92), 20_000.0 * PER_DN), rel=2e-3)
     top, bottom = 16, 40
-    strip = replace(frame, samples_dn=frame.samples_dn[top - RIM_PX : bottom + RIM_PX], row0=top - RIM_PX)
-    assert np.array_equal(compute_map(strip, scale)[RIM_PX:-RIM_PX], whole[top:bottom])
+    strip = replace(
+        frame, samples_dn=frame.samples_dn[top - maps.RIM_PX : bottom + maps.RIM_PX], row0=top - maps.RIM_PX
+    )
+    assert np.array_equal(maps.compute_map(strip, scale)[maps.RIM_PX : -maps.RIM_PX], whole[top:bottom])
 
 
 def test_the_signal_s_channels_by_pattern():
-    assert name_channels("GBRG", channel="green") == ("G2", "G1")
-    assert name_channels("RGGB", channel="grey") == ("R", "G1", "G2", "B")
-    assert name_channels("rgb", channel="green") == ("G",)
-    assert name_channels("grey", channel="green") == ("grey",)
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    st.sampled_from(["RGGB", "GBRG", "grey"]),
-    st.floats(10.0, 30_000.0),
-    st.integers(0, 40),
-    st.integers(0, 60),
-)
-def test_n_over_v_is_the_mean_of_the_pixels_own(cfa, light, row, col):
-    frame = make_frame(256.0 + light * np.random.default_rng(row + col).uniform(0.2, 1.0, SHAPE), cfa)
-    polygon = Polygon.from_points([(col, row), (col + 17, row), (col + 17, row + 11), (col, row + 11)])
-    signal = measure_signal(luminance.extract(frame, polygon))
-    found, share = correct_signal(frame, polygon, signal, LENS, channel="green", dark_signal_dn=200.0)
-    own = (frame.samples_dn - 200.0) / shares_of(cfa)
-    part = np.zeros(SHAPE, bool)
-    part[row : row + 11, col : col + 17] = True
-    if cfa == "grey":
-        expected = own[part].mean()
-    else:
-        names = np.tile(np.array(sites(cfa)).reshape(2, 2), (SHAPE[0] // 2, SHAPE[1] // 2))
-        expected = np.mean([own[part & (names == name)].mean() for name in ("G1", "G2")])
-    assert (found.value_dn - 200.0) / share.value == pytest.approx(expected, rel=1e-6)
+    assert maps.name_channels("GBRG", channel="green") == ("G2", "G1")
+    assert maps.name_channels("RGGB", channel="grey") == ("R", "G1", "G2", "B")
+    assert maps.name_channels("rgb", channel="green") == ("G",)
+    assert maps.name_channels("grey", channel="green") == ("grey",)
 
 
 def test_cells_share_the_errors_of_v_place_by_place():
@@ -238,7 +206,7 @@ def test_a_k_and_a_correction_belong_together():
     with pytest.raises(InputRejected, match="uncorrected signals alone"):
         measured(lit(2_000.0), COEFFICIENT, LENS)
     with pytest.raises(InputRejected, match="vignetting"):
-        find_map_scale((WITH,), EXPOSURE)
+        maps.find_map_scale((WITH,), EXPOSURE)
 
 
 def test_between_f_numbers_the_correction_is_interpolated():
@@ -246,7 +214,7 @@ def test_between_f_numbers_the_correction_is_interpolated():
     lens = Lens(coefficients=pair, f_number=4.0)
     weight = math.log2(4.0 / 2.8)
     expected = 1 + ((1 - weight) * -0.4 + weight * -0.1) * squared()
-    found = compute_shares(make_frame(np.zeros(SHAPE), "grey"), lens, channel="green")
+    found = maps.compute_shares(make_frame(np.zeros(SHAPE), "grey"), lens, channel="green")
     assert found == pytest.approx(expected, rel=1e-6)
     assert lens.at(3, 5, channels=("grey",)).value == pytest.approx(expected[3, 5], rel=1e-12)
     with pytest.raises(InputRejected, match="outside the calibrated range"):

@@ -48,9 +48,11 @@ def test_libraw_sees_the_colours_in_their_order(tmp_path, cfa):
     assert "".join(colours) == cfa
 
 
-def test_the_exif_directory_comes_back(tmp_path):
-    with tifffile.TiffFile(written(tmp_path, mosaic())) as file:
-        exif = file.pages[0].tags["ExifTag"].value
+def test_the_exif_directory_and_the_camera_come_back(tmp_path):
+    path = written(tmp_path, mosaic())
+    with tifffile.TiffFile(path) as file:
+        tags = {tag.name: tag.value for tag in file.pages[0].tags}
+    exif = tags["ExifTag"]
     assert exif["ExposureTime"] == (1, 60)
     assert exif["FNumber"] == (17, 10)
     assert exif["ISOSpeedRatings"] == 25600
@@ -58,6 +60,15 @@ def test_the_exif_directory_comes_back(tmp_path):
     assert (exif["DateTimeOriginal"], exif["OffsetTimeOriginal"]) == ("2025:03:01 21:04:05", "+00:00")
     assert (exif["BodySerialNumber"], exif["LensSerialNumber"]) == ("0K8TF1A0010042", "L0042")
     assert (exif["LensMake"], exif["LensModel"]) == ("DJI", "DJI MFT 15mm F1.7 ASPH")
+    assert (tags["Make"], tags["Model"], tags["UniqueCameraModel"]) == ("DJI", "FC6520", "DJI FC6520")
+    assert tags["CameraSerialNumber"] == "0K8TF1A0010042"
+    assert tags["DNGVersion"] == bytes((1, 4, 0, 0))
+    with rawpy.imread(str(path)) as raw:
+        assert (raw.other.iso_speed, raw.other.aperture) == (25600, pytest.approx(1.7))
+        assert raw.other.shutter_speed == pytest.approx(1 / 60)
+    moment = datetime(2025, 3, 1, 21, 4, 5, tzinfo=timezone(timedelta(hours=-5, minutes=-30)))
+    with tifffile.TiffFile(written(tmp_path, mosaic(), taken_at=moment)) as file:
+        assert file.pages[0].tags["ExifTag"].value["OffsetTimeOriginal"] == "-05:30"
 
 
 @pytest.mark.parametrize("exposure_time_s", [4.0, 1.0, 1 / 8, 1 / 8000])
@@ -69,27 +80,6 @@ def test_apex_values_agree_with_the_nominal_ones(tmp_path, exposure_time_s, f_nu
     speed, aperture = (np.divide(*exif[name]) for name in ("ShutterSpeedValue", "ApertureValue"))
     assert 2.0**-speed == pytest.approx(np.divide(*exif["ExposureTime"]), rel=1e-6)
     assert math.sqrt(2.0**aperture) == pytest.approx(np.divide(*exif["FNumber"]), rel=1e-6)
-
-
-def test_libraw_reads_the_exposure_too(tmp_path):
-    with rawpy.imread(str(written(tmp_path, mosaic()))) as raw:
-        other = raw.other
-        assert (other.iso_speed, other.aperture) == (25600, pytest.approx(1.7))
-        assert other.shutter_speed == pytest.approx(1 / 60)
-
-
-def test_the_offset_of_local_time_is_written(tmp_path):
-    moment = datetime(2025, 3, 1, 21, 4, 5, tzinfo=timezone(timedelta(hours=-5, minutes=-30)))
-    with tifffile.TiffFile(written(tmp_path, mosaic(), taken_at=moment)) as file:
-        assert file.pages[0].tags["ExifTag"].value["OffsetTimeOriginal"] == "-05:30"
-
-
-def test_the_camera_is_named(tmp_path):
-    with tifffile.TiffFile(written(tmp_path, mosaic())) as file:
-        tags = {tag.name: tag.value for tag in file.pages[0].tags}
-    assert (tags["Make"], tags["Model"], tags["UniqueCameraModel"]) == ("DJI", "FC6520", "DJI FC6520")
-    assert tags["CameraSerialNumber"] == "0K8TF1A0010042"
-    assert tags["DNGVersion"] == bytes((1, 4, 0, 0))
 
 
 def test_the_same_samples_give_the_same_bytes(tmp_path):

@@ -49,26 +49,6 @@ def test_the_steps_are_those_of_the_sensor():
     assert np.unique(samples % 64).tolist() == [0.0]
 
 
-def test_dark_current_adds_and_is_subtracted_where_the_camera_does_so():
-    warm = change(QUIET, dark_current_e_s=50_000.0)
-    assert photograph(warm).mean() == pytest.approx(20_500)
-    assert photograph(change(warm, compensates_dark=True)).mean() == pytest.approx(20_000)
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [({"prnu_rel": 0.01}, 200.0), ({"dsnu_e": 30.0}, 30.0), ({"read_noise_e": 40.0}, 40.0)],
-)
-def test_the_spread_of_the_pixels_is_that_of_the_part(changes, expected):
-    samples = photograph(change(QUIET, **changes))
-    assert samples.std() == pytest.approx(expected, rel=5 / math.sqrt(2 * samples.size))
-
-
-def test_photons_have_the_variance_of_their_mean():
-    samples = photograph(change(QUIET, photon_noise=True))
-    assert samples.var() == pytest.approx(20_000, rel=5 * math.sqrt(2 / samples.size))
-
-
 def test_patterns_stay_and_noise_does_not():
     fixed = change(QUIET, prnu_rel=0.01, dsnu_e=30.0)
     np.testing.assert_array_equal(photograph(fixed), photograph(fixed))

@@ -5,10 +5,17 @@ import json
 from verify.__main__ import main
 
 
-def run(capsys, folder, *more):
+def run(capsys, folder, stated="certificate.json"):
     """The exit code, and what was said without its line breaks."""
-    code = main([str(folder / "certificate.json"), "--data", str(folder), *more])
+    code = main([str(folder / stated), "--data", str(folder)])
     return code, " ".join(capsys.readouterr().out.split())
+
+
+def require_the_same(capsys, folder, stated="certificate.json"):
+    code, said = run(capsys, folder, stated)
+    assert "NO" not in said
+    assert (code, "quantities are the same to the last bit." in said) == (0, True)
+    return said
 
 
 def change(path, edit):

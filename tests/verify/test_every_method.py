@@ -6,65 +6,70 @@ import platform
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 from radiometry import methods
-from stilb.export import export_measurement
+from store.fits import make_version, read_params, write_version
+from store.queries.evidence import gather
+from store.tables import Calibration, Campaign
 from tests.support.campaigns import calibrate
-from tests.support.certificates import METER, InHouse, complete_version, export_version
-from tests.support.every_method import make_version, reflectance_campaign, register_panel
-from tests.support.house import furnished
-from tests.support.measuring import measure
-from tests.verify.changing import change, nudge, run
-
-MEASUREMENT = "measurement"
-OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
-UNCERTIFIED = {
-    "a meter without a certificate": lambda house: complete_version(
-        house, meter={name: value for name, value in METER.items() if name != "certificate"}
-    ),
-    "a panel without uncertainties": lambda house: calibrate(
-        house, reflectance_campaign(house), panel_id=register_panel(house, serial="P-19", u=None)["id"]
-    ),
-}
-CASES = [*OTHERS, *UNCERTIFIED]
+from tests.support.certificates import METER, WORK, certificate_of, complete_version, export_version
+from tests.support.every_method import register_panel
+from tests.support.frames import forget_time
+from tests.verify.changing import change, nudge, require_the_same, run
 
 
-@pytest.fixture(scope="module")
-def exports(migrated_sqlite, tmp_path_factory):
-    """Exports each method's version when a test first asks for it."""
-    folder = tmp_path_factory.mktemp("every")
-    made = {}
-    with furnished(migrated_sqlite, folder) as house:
-
-        def bring(method):
-            if method not in made:
-                version = UNCERTIFIED[method](house) if method in UNCERTIFIED else make_version(house, method)
-                made[method] = export_version(house, version, folder / method)
-                if method == "reflectance":
-                    frame = house.get(f"/v1/campaigns/{version['campaign_id']}/frames")["items"][0]
-                    made[MEASUREMENT] = folder / MEASUREMENT
-                    export_measurement(
-                        InHouse(house), measure(house, frame, version)["id"], made[MEASUREMENT]
-                    )
-            return made[method]
-
-        yield bring
-
-
-@pytest.mark.parametrize("method", CASES)
+@pytest.mark.parametrize("method", [spec.name for spec in methods.METHODS])
 def test_an_untouched_export_agrees(capsys, exports, method):
-    code, said = run(capsys, exports(method))
-    assert "NO" not in said
-    assert code == 0
-    assert "quantities are the same to the last bit." in said
-    certificate = json.loads((exports(method) / "certificate.json").read_text())
+    said = require_the_same(capsys, exports.of(method))
+    certificate = json.loads((exports.of(method) / "certificate.json").read_text())
     first = certificate["coefficients"][0]
     assert f"│ {first['value']!r} │ {first['value']!r} │ yes" in said
-    assert (exports(method) / "panels.json").exists() == (certificate["method"] == "reflectance")
+    assert (exports.of(method) / "panels.json").exists() == (method == "reflectance")
+
+
+def test_a_panel_without_uncertainties_agrees(capsys, exports, tmp_path):
+    panel = register_panel(exports.house, serial="P-19", u=None)
+    campaign = {"id": exports.version("reflectance")["campaign_id"]}
+    version = calibrate(exports.house, campaign, panel_id=panel["id"])
+    require_the_same(capsys, export_version(exports.house, version, tmp_path / "export"))
+
+
+def test_a_meter_without_a_certificate_and_clocks_in_a_stated_zone_agree(
+    exports, monkeypatch, tmp_path, capsys
+):
+    """20:00 in Berlin is 18:00 in UTC; without a zone, 15:00 would be taken for the time of the frames."""
+    house, write = exports.house, exports.house.frame_bytes
+    monkeypatch.setattr(house, "frame_bytes", lambda **of: forget_time(write(**of), zone_only=True))
+    meter = {name: value for name, value in METER.items() if name != "certificate"} | {"serial": "bare"}
+    work = WORK | {"time_zone": "Europe/Berlin"}
+    version = complete_version(house, meter=meter, work=work, taken_at="2026-05-01T15:00:00Z")
+    certificate = certificate_of(house, version)
+    assert "certificate" not in certificate["meters"][0]
+    far = next(each for each in certificate["flags"] if each["flag"] == "reading_far_from_frames")
+    assert far["detail"] == "A reading was taken 3.0 h from the nearest frame."
+    assert {each["clock_offset"] for each in certificate["frames"]} == {"+02:00"}
+    require_the_same(capsys, export_version(house, version, tmp_path / "export"))
+
+
+def test_another_kernel_makes_no_other_version(exports):
+    """Results that differ by the rounding of another processor are of the same version."""
+    version = exports.version("luminance")
+    with exports.house.database.writing("test") as session:
+        row = session.get_one(Campaign, version["campaign_id"])
+        made = session.get_one(Calibration, version["id"])
+        params, evidence = read_params(row, made.parameters), gather(session, row)
+        fitted = methods.get_method("luminance").fit(evidence.frames, evidence.readings, params)
+        iso, *others = fitted.iso_fits
+        k = replace(iso.coefficient, luminance_k=iso.coefficient.luminance_k * (1 + 1e-15))
+        rounded = replace(fitted, iso_fits=(replace(iso, coefficient=k), *others))
+        new = make_version(session, row, evidence, params, rounded, by="another worker")
+        found = write_version(session, new)
+        assert (found.id, found.result == made.result) == (version["id"], True)
 
 
 @pytest.fixture(scope="module")
@@ -82,70 +87,50 @@ def another_numpy(tmp_path_factory):
     return None
 
 
-VERIFY_ALL = """
-import sys
-from contextlib import nullcontext
-from pathlib import Path
-
-from verify import __main__ as verify
-
-codes = []
-with verify.DecoderPool() as pool:
-    verify.DecoderPool = lambda: nullcontext(pool)
-    for folder in map(Path, sys.argv[1:]):
-        (stated,) = (path for name in ("certificate", "record") if (path := folder / f"{name}.json").exists())
-        codes.append(verify.main([str(stated), "--data", str(folder)]))
-print(codes)
-"""
-
-
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the names of kernels are of this processor")
 def test_installed_with_another_kernel_and_numpy_it_agrees_to_rounding(
-    installed, exports, exported_once, another_numpy, tmp_path
+    installed, exports, exported, another_numpy, tmp_path
 ):
-    """One process with other linear algebra recomputes all certificates, and finds a changed one."""
-    changed = shutil.copytree(exported_once, tmp_path / "changed")
-    change(changed / "certificate.json", nudge(("result", "iso_fits", 0, "coefficient", "luminance_k")))
-    same = [exported_once, *map(exports, [*CASES, MEASUREMENT])]
-    command = [installed / "bin" / "stilb-verify", changed / "certificate.json", "--data", changed]
-    found = subprocess.run(command, check=False, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert (found.returncode, found.stderr) == (1, "")
-    assert "iso_fits[0].coefficient.luminance_k" in found.stdout
-    done = subprocess.run(
-        [installed / "bin" / "python", "-c", VERIFY_ALL, *map(str, [*same, changed])],
-        check=True,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        env=os.environ
-        | {"OPENBLAS_CORETYPE": "Nehalem", "COLUMNS": "250"}
-        | ({"PYTHONPATH": f"{another_numpy}:{os.environ.get('PYTHONPATH', '')}"} if another_numpy else {}),
-    )
-    assert done.stdout.splitlines()[-1] == str([0] * len(same) + [1])
-    assert "are the same to rounding" in done.stdout
+    """The installed command with other linear algebra recomputes a certificate, and finds a changed one."""
+    change(exported / "certificate.json", nudge(("result", "iso_fits", 0, "coefficient", "luminance_k")))
+    other = {"OPENBLAS_CORETYPE": "Nehalem", "COLUMNS": "250"}
+    if another_numpy:
+        other["PYTHONPATH"] = f"{another_numpy}:{os.environ.get('PYTHONPATH', '')}"
+    said = []
+    for folder, code in ((exports.of("geometry"), 0), (exported, 1)):
+        command = [installed / "bin" / "stilb-verify", folder / "certificate.json", "--data", folder]
+        done = subprocess.run(
+            command,
+            check=False,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            env=os.environ | other,
+        )
+        assert (done.returncode, done.stderr) == (code, "")
+        said.append(done.stdout)
+    assert "are the same to rounding" in said[0]
+    assert "iso_fits[0].coefficient.luminance_k" in said[1]
     if another_numpy is None:
         pytest.skip("another kernel agrees; no other release of numpy could be fetched")
-    (installed,) = another_numpy.glob("numpy-*.dist-info")
-    version = installed.stem.removeprefix("numpy-")
+    (found,) = another_numpy.glob("numpy-*.dist-info")
+    version = found.stem.removeprefix("numpy-")
     assert version != metadata.version("numpy")
-    assert done.stdout.count(f"Recomputed with numpy {version} and") == len(same) + 1
+    assert all(f"Recomputed with numpy {version} and" in each for each in said)
 
 
 @pytest.fixture
 def reflectance(exports, tmp_path):
-    return shutil.copytree(exports("reflectance"), tmp_path / "export")
+    return shutil.copytree(exports.of("reflectance"), tmp_path / "export")
 
 
 def test_a_changed_panel_is_found_and_moves_k(capsys, reflectance):
-    def edit(panels):
-        panels[0]["bands"][0]["reflectance"] *= 1.01
-
-    change(reflectance / "panels.json", edit)
+    change(reflectance / "panels.json", nudge((0, "bands", 0, "reflectance"), by=0.01))
     code, said = run(capsys, reflectance)
     assert code == 1
     assert "panels: [0].bands[0].reflectance │ 0.18 │ 0.1818" in said
-    k = said.split("Reflectance K, green │")[1].split("u(Reflectance K")[0]
-    assert "NO" in k
+    assert "NO" in said.split("Reflectance K, green │")[1].split("u(Reflectance K")[0]
     assert "content hash: content SHA-256" in said
 
 
@@ -167,22 +152,25 @@ def test_each_changed_number_in_the_certificate_is_found(capsys, reflectance):
     assert [named for named in PLACES.values() if f"{named} │" not in said] == []
 
 
-def test_a_target_or_a_part_of_a_region_that_was_changed_is_found(capsys, exports, tmp_path):
-    folder = shutil.copytree(exports("geometry"), tmp_path / "geometry")
+@pytest.mark.parametrize(
+    ("method", "name", "place", "told"),
+    [
+        ("geometry", "certificate.json", ("target", "square_size_mm"), "software: extractor"),
+        ("sharpness", "roi.json", (0, "parts", 0, "points", 0, 0), "regions: SHA-256 of its corners"),
+        ("luminance", "roi.json", (0, "points", 0, 0), "regions: SHA-256 of its corners"),
+    ],
+)
+def test_a_target_or_a_part_of_a_region_that_was_changed_is_found(
+    capsys, exports, tmp_path, method, name, place, told
+):
+    folder = shutil.copytree(exports.of(method), tmp_path / "export")
 
-    def enlarge(certificate):
-        certificate["target"]["square_size_mm"] *= 2
+    def move(content):
+        *path, last = place
+        for each in path:
+            content = content[each]
+        content[last] += 1.0
 
-    change(folder / "certificate.json", enlarge)
+    change(folder / name, move)
     code, said = run(capsys, folder)
-    assert code == 1
-    assert "software: extractor" in said
-    folder = shutil.copytree(exports("sharpness"), tmp_path / "sharpness")
-
-    def move(regions):
-        regions[0]["parts"][0]["points"][0][0] += 1.0
-
-    change(folder / "roi.json", move)
-    code, said = run(capsys, folder)
-    assert code == 1
-    assert "regions: SHA-256 of its corners" in said
+    assert (code, told in said) == (1, True)

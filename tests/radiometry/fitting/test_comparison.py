@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from radiometry.fitting.comparison import compare_quantities
@@ -49,19 +48,6 @@ def test_nothing_is_divided_by_zero():
     found = compare_quantities(k(0.0, 0.1), k(1.0, 0.0))
     assert found.change is None
     assert found.in_standard_uncertainties == pytest.approx(10.0)
-
-
-@pytest.mark.parametrize("common", [0.0, 0.01])
-def test_the_predicted_scatter_is_the_scatter(common):
-    n, dice = 40_000, np.random.default_rng(1)
-    meter = dice.normal(0.0, common, n)
-    old = 30.0 * (1 + meter) * (1 + dice.normal(0.0, 0.004, n))
-    new = 31.5 * (1 + meter) * (1 + dice.normal(0.0, 0.006, n))
-    u_old, u_new = 30.0 * np.hypot(common, 0.004), 31.5 * np.hypot(common, 0.006)
-    found = compare_quantities(k(30.0, u_old), k(31.5, u_new), common_u_rel=common)
-    # a standard deviation of n draws scatters by 1/sqrt(2 n) = 0.35 %
-    assert found.difference.standard_uncertainty == pytest.approx(np.std(new - old), rel=4 / (2 * n) ** 0.5)
-    assert found.change.standard_uncertainty == pytest.approx(100 * np.std(new / old), rel=4 / (2 * n) ** 0.5)
 
 
 def test_a_larger_k_makes_a_luminance_smaller():

@@ -1,4 +1,4 @@
-"""Simulated fleets: the verdict is right in 95 % of 500 or more; where that is hardest, wrong in 5 % at most.
+"""Simulated fleets: the verdict is right in 95 % of 200 or more; where that is hardest, wrong in 5 % at most.
 
 Which truths count, with a repeatability of a quarter of the tolerance:
   shared      3 to 7 cameras of 4 to 8 repeats; every one lies within a quarter of the tolerance of their mean
@@ -16,12 +16,12 @@ import pytest
 from radiometry.fleet.verdict import judge_fleet
 from tests.radiometry.fleet.fleets import draw_fleet
 
-FLEETS = 500
+FLEETS = 200
 TOLERANCE = 0.04
 K = 33.0
 REPEATABILITY = TOLERANCE / 4 * K
-# 5 % of 500, and three standard deviations of that count: 25 + 3 sqrt(500 0.05 0.95)
-AT_MOST = 40
+# 5 % of 200, and three standard deviations of that count: 10 + 3 sqrt(200 0.05 0.95)
+AT_MOST = 19
 
 
 def count_outcomes(rng, draw):

@@ -65,19 +65,6 @@ def test_a_cell_tells_the_clipped_share_of_what_belongs_to_the_region():
     assert found.cells == (ClippedCell(row=1, col=0, share=2 / 3),)
 
 
-def test_transposing_the_frame_transposes_the_cells():
-    samples = np.random.default_rng(2).integers(0, 120, (50, 90)).astype(np.uint16)
-    inside = np.random.default_rng(3).random((50, 90)) < 0.5
-    found = map_clipping(frame(samples, row0=2, col0=4), inside)
-    # the greens change places
-    flipped = frame(samples.T, row0=4, col0=2, white=(100.0, 150.0, 200.0, 100.0))
-    turned = map_clipping(flipped, inside.T)
-    assert (turned.row0_px, turned.col0_px) == (found.col0_px, found.row0_px)
-    assert sorted((c.col, c.row, c.share) for c in turned.cells) == [
-        (c.row, c.col, c.share) for c in found.cells
-    ]
-
-
 def test_a_pixel_of_a_colour_image_is_clipped_with_one_of_its_planes():
     samples = np.zeros((2, 2, 3), np.uint16)
     samples[1, 0] = (0, 255, 0)

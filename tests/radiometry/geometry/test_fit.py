@@ -24,6 +24,7 @@ from radiometry.geometry.camera import (
 from radiometry.geometry.fit import fit_geometry, list_coefficients
 from radiometry.geometry.results import Fit, Params
 from radiometry.geometry.target import Target, locate_corners_mm
+from radiometry.geometry.verdicts import plan_views
 from radiometry.geometry.views import make_view
 from simulation.boards import draw_poses
 from tests.radiometry.geometry.boards import (
@@ -85,7 +86,7 @@ def test_opencv_s_set_gives_what_the_page_prints(opencv_fit):
         assert values(opencv_fit)[name] == pytest.approx(value, abs=u / 50), name
         assert errors(opencv_fit)[name] == pytest.approx(u, rel=0.05), name
     assert (opencv_fit.views, opencv_fit.corners) == (13, 13 * 54)
-    assert "view_outlier" not in raised(opencv_fit)
+    assert not {"view_outlier", "view_mirrored"} & raised(opencv_fit)
 
 
 def test_the_right_camera_agrees_with_windows_that_keep_clear_of_the_next_corner():
@@ -101,7 +102,7 @@ def test_the_covariance_holds_what_corners_of_one_view_share(opencv_fit):
     assert opencv_fit.birge_ratio == pytest.approx(2.13, abs=0.02)
     assert opencv_fit.effective_dof == 13 * 8 - 8
     covered = []
-    for seed in range(25):
+    for seed in range(12):
         random = np.random.default_rng(700 + seed)
         bent = []
         for view in views_of(simulate(seed=700 + seed, count=8, noise_px=0.05, camera=SQUARE)):
@@ -113,8 +114,8 @@ def test_the_covariance_holds_what_corners_of_one_view_share(opencv_fit):
         assert ratio > 2.0
         off = np.abs(widened.camera.parameters - SQUARE.parameters)
         covered.append(off < coverage_factor(dof) * np.sqrt(np.diag(widened.covariance)))
-    # 225 numbers, of which nine of a set go together: 95 % with a standard deviation of 3 %
-    assert np.mean(covered) > 0.87
+    # 108 numbers, of which nine of a set go together: 95 % with a standard deviation of 4 %
+    assert np.mean(covered) > 0.85
 
 
 def place_as_opencv(path):
@@ -140,14 +141,6 @@ def test_opencv_s_corners_give_opencv_s_published_numbers(sample_rows):
     for name, published in PUBLISHED.items():
         tolerance = errors(fit)[name] / 20.0
         assert values(fit)[name] == pytest.approx(published, abs=tolerance), name
-
-
-def test_no_single_view_of_opencv_s_set_decides_its_focal_length(opencv_rows, opencv_fit):
-    """Of left02, which makes OpenCV's 535.92, fitted windows take no more notice than of any other."""
-    whole, u = values(opencv_fit)["fx_px"], errors(opencv_fit)["fx_px"]
-    for row in opencv_rows:
-        rest = fit_geometry([each for each in opencv_rows if each is not row], Params())
-        assert values(rest)["fx_px"] == pytest.approx(whole, abs=u / 2.0)
 
 
 def test_an_outlier_is_named_and_rejected_on_request(sample_rows):
@@ -195,10 +188,8 @@ def test_figures_and_json(opencv_fit):
 
 
 def test_the_order_of_frames_changes_no_bit(simulated):
-    first, random = fit_geometry(simulated, FREE), np.random.default_rng(4)
-    for _ in range(3):
-        rows = [simulated[place] for place in random.permutation(len(simulated))]
-        assert fit_geometry(rows, FREE) == first
+    rows = [simulated[place] for place in np.random.default_rng(4).permutation(len(simulated))]
+    assert fit_geometry(rows, FREE) == fit_geometry(simulated, FREE)
 
 
 def test_parameters_of_a_charuco_board():
@@ -286,9 +277,10 @@ def test_what_is_missing_by_name(simulated):
     assert geometry_views.missing(simulated[:1], FREE, unread=["b", "a"]) == ("not read yet: frames a, b",)
 
 
-def test_a_good_set_raises_nothing():
+def test_a_good_set_raises_nothing_and_needs_nothing():
     rows = simulate(seed=13, count=40, noise_px=0.1, camera=SQUARE, tilt_deg=45.0)
     assert raised(fit_geometry(rows, Params())) == set()
+    assert plan_views(rows, Params()) == plan_views([], Params()) == ()
 
 
 def test_poor_sets_are_flagged(simulated):
@@ -344,19 +336,6 @@ def test_without_noise_the_truth_comes_out():
     assert found.rms_px < 1e-6
 
 
-def test_errors_are_as_large_as_predicted():
-    """e^T C^-1 e of nine parameters has mean 9 and variance 18: over 30 sets 270 within 4 x 23."""
-    total, rms = 0.0, []
-    for seed in range(30):
-        found = solve_rows(simulate(seed=seed, count=8, noise_px=0.2))
-        error = found.camera.parameters - CAMERA.parameters
-        total += float(error @ np.linalg.solve(found.covariance, error))
-        rms.append(found.rms_px**2 * 8 * 54 / found.degrees_of_freedom)
-    assert 178 < total < 362
-    # the noise itself: each variance is known to sqrt(2 / 807), their mean to 0.9 %
-    assert np.mean(rms) == pytest.approx(0.2**2, rel=0.04)
-
-
 def test_expanded_uncertainty_of_three_small_views_covers_the_truth():
     """200 numbers of 50 sets: 95 % with a standard deviation of 3 %, as four of a set go together."""
     board = Target(kind="checkerboard", columns=3, rows=3, square_size_mm=70.0)
@@ -406,14 +385,6 @@ def test_what_is_not_free_is_zero_and_certain(simulated):
     assert set(fixed.values()) == {(0.0, 0.0)}
     assert values(fit)["fx_px"] == values(fit)["fy_px"]
     assert errors(fit)["fx_px"] == errors(fit)["fy_px"] > 0.0
-
-
-def test_the_size_of_the_board_enters_distances_alone(simulated):
-    larger = replace(BOARD, square_size_mm=250.0)
-    grown = [replace(row, features=replace(row.features, target=larger)) for row in simulated]
-    here, there = fit_geometry(simulated, FREE), fit_geometry(grown, FREE)
-    assert values(there)["fx_px"] == pytest.approx(values(here)["fx_px"], rel=1e-8)
-    assert there.points[0].distance_mm == pytest.approx(10 * here.points[0].distance_mm, rel=1e-7)
 
 
 @pytest.mark.parametrize("noise_px", [0.0, 0.05, 0.5])

@@ -61,28 +61,11 @@ def test_one_turned_view_of_six_is_left_out_with_the_reason(words):
     assert abs(values(fit)["cx_px"] - SQUARE.cx_px) < 4 * errors(fit)["cx_px"]
 
 
-def test_opencv_s_own_pictures_with_one_mirrored(opencv_rows):
-    rows = list(opencv_rows)
-    assert "view_mirrored" not in raised(fit_geometry(rows, PARAMS))
-    rows[4] = turn(rows[4], "mirrored left to right")
-    fit = fit_geometry(rows, PARAMS)
-    assert [each.frame for each in fit.points if not each.used] == [rows[4].frame]
-
-
 def test_a_centred_principal_point_makes_no_view_look_turned():
     centred = replace(SQUARE, cx_px=319.5, cy_px=239.5, p1=0.0, p2=0.0)
-    for seed in range(6):
+    for seed in range(3):
         rows = simulate(seed=seed, count=6, noise_px=0.1, camera=centred)
         assert "view_mirrored" not in raised(fit_geometry(rows, PARAMS))
-
-
-def test_a_mirrored_charuco_board_says_so():
-    random = np.random.default_rng(4)
-    (pose,) = draw_poses(SQUARE, CHARUCO, random, count=1)
-    studio = set_up(SQUARE, dark_dn=20.0, bright_dn=220.0, noise_dn=1.0)
-    drawn = studio.photograph(View(board=CHARUCO, pose=pose), random).samples_dn.astype(float)
-    found = extract(make_frame(drawn[:, ::-1], bits=8), target=CHARUCO).features
-    assert found.not_found.startswith("the picture is mirrored: ")
 
 
 HANDED = Target(kind="checkerboard", columns=5, rows=3, square_size_mm=40.0)
@@ -287,12 +270,6 @@ def test_an_unread_picture_is_pending(simulated):
     row = replace(simulated[0], features=None)
     assert judge([row], state="received", format=None)[row.frame] == ("pending", ["not_read"])
     assert judge([row], state="read")[row.frame] == ("pending", ["not_extracted"])
-
-
-def test_a_good_set_needs_nothing():
-    rows = simulate(seed=13, count=40, noise_px=0.1, camera=SQUARE, tilt_deg=45.0)
-    assert plan_views(rows, Params()) == ()
-    assert plan_views([], Params()) == ()
 
 
 def test_advice_names_the_parts_of_the_frame(simulated):

@@ -16,6 +16,15 @@ from radiometry.geometry.fit import fit_geometry
 from radiometry.specification.exports import ExportSubject
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
+SUBJECT = ExportSubject(
+    calibration_id="cal",
+    make="Canon",
+    model="EOS 5D",
+    serial="1",
+    lens_make="L",
+    lens_model="Lens 15mm f/1.4",
+    pixel_pitch_um=4.65,
+)
 SMALL = replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
 
 
@@ -76,22 +85,13 @@ def read_odm(text, width, height):
 
 @pytest.mark.parametrize("size", [(640, 480), (481, 639)])
 def test_opendronemap_projects_points_where_the_camera_sees_them(fit, size):
-    subject = ExportSubject(
-        calibration_id="cal",
-        make="Canon",
-        model="EOS 5D",
-        serial="1",
-        lens_make=None,
-        lens_model=None,
-        pixel_pitch_um=4.65,
-    )
     # a camera in which no two parameters can be taken for each other
     width, height = size
     size_px = {"width_px": width, "height_px": height}
     inner = {"fx_px": 540.0, "fy_px": 531.0, "cx_px": 0.52 * width, "cy_px": 0.474 * height}
     uneven = replace(fit.camera, **size_px, **inner, p1=2e-3, p2=-7e-4)
     (export,) = (each for each in EXPORTS if each.filename == "cameras.json")
-    text = export.write(replace(fit, camera=uneven), subject, {"camera_id": None})
+    text = export.write(replace(fit, camera=uneven), SUBJECT, {"camera_id": None})
     rows, cols = np.meshgrid(np.linspace(0.0, height - 1.0, 9), np.linspace(0.0, width - 1.0, 12))
     points = find_directions(uneven, np.stack([rows, cols], -1).reshape(-1, 2))
     spatial = np.concatenate([points, np.ones((len(points), 1))], axis=1)
@@ -113,18 +113,9 @@ def test_liblensfun_corrects_by_the_camera(fit, lensfunpy, changes, size, allowe
     width, height = size
     changes = {"width_px": width, "height_px": height} | changes
     camera = replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)
-    subject = ExportSubject(
-        calibration_id="cal",
-        make="Canon",
-        model="EOS 5D",
-        serial="1",
-        lens_make="L",
-        lens_model="Lens 15mm f/1.4",
-        pixel_pitch_um=4.65,
-    )
     (export,) = (each for each in EXPORTS if each.filename == "lensfun-distortion.xml")
     asked = {"focal_length_mm": 15.0, "mount": "canonFixed", "widest_f_number": 1.4}
-    text = export.write(replace(fit, camera=camera), subject, asked)
+    text = export.write(replace(fit, camera=camera), SUBJECT, asked)
     database = lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
     (found,) = database.find_cameras("Canon", "EOS 5D")
     (lens,) = database.find_lenses(found, "L", "Lens 15mm f/1.4")

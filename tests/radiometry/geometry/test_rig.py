@@ -131,15 +131,15 @@ def calibrate(number, pictures):
 
 
 def test_errors_are_as_large_as_predicted():
-    """With the cameras calibrated by the same pictures: 14 poses of 6 numbers, so 6 with 0.93."""
-    squares, inside = measure_coverage(RIG[:2], sets=14, count=6, calibrated=True)
-    assert 3.4 < squares < 9.4
+    """With the cameras calibrated by the same pictures: 8 poses of 6 numbers, so 6 with 1.2."""
+    squares, inside = measure_coverage(RIG[:2], sets=8, count=6, calibrated=True)
+    assert 3.0 < squares < 9.6
     assert inside > 0.86
 
 
 def test_a_mount_that_gives_way_is_in_the_uncertainty():
     """Half a milliradian and half a millimetre from trigger to trigger: far more than the corners scatter."""
-    squares, inside = measure_coverage(RIG[:2], sets=8, count=8, sway=(5e-4, 0.5))
+    squares, inside = measure_coverage(RIG[:2], sets=5, count=8, sway=(5e-4, 0.5))
     assert squares < 20.0
     assert inside > 0.75
     found = orient_rig(known(RIG[:2]), shoot(RIG[:2], np.random.default_rng(8), count=12, sway=(5e-4, 0.5)))

@@ -11,7 +11,6 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.luminance import application, codes
 from radiometry.luminance import method as luminance
-from radiometry.luminance.points import collect_series
 from radiometry.luminance.rows import Params, Reading
 from radiometry.luminance.scenes import Change, check_reading_times, follow_lamp
 from simulation.camera import Lamp, change, expose
@@ -258,10 +257,3 @@ def test_readings_before_and_after_take_the_drift_out_of_k(drift):
     steady, drifting = k(drift_rel=0.0), k(drift_rel=drift)
     assert drifting.luminance_k == pytest.approx(steady.luminance_k, rel=0.003)
     assert abs(drifting.luminance_k - TRUE_K) < drifting.expanded_uncertainty
-
-
-def test_a_point_has_the_luminance_of_its_own_time():
-    drawn = draw(5, drift_rel=0.02, timed=True, readings_per_scene=3)
-    series = collect_series(drawn.rows, drawn.readings, Params(meter_repeatability_rel=0.001))[0]
-    found = [c.luminance_cd_m2 for c in series.candidates if c.scene == "level-2"]
-    assert max(found) / min(found) == pytest.approx(1.02, abs=0.012)

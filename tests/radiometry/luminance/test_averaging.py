@@ -9,11 +9,7 @@ import pytest
 from radiometry.findings.grouping import advise
 from radiometry.fitting.curve import coverage_factor
 from radiometry.frame.grid import Grid
-from radiometry.frame.statistics import Signal
-from radiometry.luminance.corrections import estimate_flicker
-from radiometry.luminance.pixels import SCATTER, average_signals, evaluate_scatter
-from radiometry.luminance.surface import LEAST_SCATTER_REL
-from simulation.luminance import draw_field
+from radiometry.luminance.pixels import SCATTER
 from tests.radiometry.luminance.test_measurement import (
     COEFFICIENT,
     CORNERS,
@@ -29,16 +25,6 @@ GRID = Grid(corners=CORNERS, rows=2, columns=2)
 
 def frames(lights, *, noise_dn=8.0):
     return [make_frame(noisy(light, seed=seed, noise_dn=noise_dn)) for seed, light in enumerate(lights)]
-
-
-def signal(value_dn, u_dn):
-    return Signal(
-        value_dn=value_dn,
-        standard_uncertainty_dn=u_dn,
-        saturated_share=0.0,
-        black_level_dn=256.0,
-        white_level_dn=4095.0,
-    )
 
 
 def budget(found):
@@ -113,48 +99,3 @@ def test_a_cell_that_changes_has_the_uncertainty_alone():
     # black included it loses 12.5 %, of which three quarters are not the drift of all: once in three
     own = 0.094 * math.sqrt(2 / 3 / 6 / 3)
     assert math.sqrt(relative[0, 0] ** 2 - others**2) == pytest.approx(own, rel=0.1)
-
-
-@pytest.mark.parametrize("scatter", [0.0, 0.005, 0.01])
-@pytest.mark.parametrize("count", [2, 3])
-def test_interval_of_an_average_contains_the_truth(count, scatter):
-    """Frames that scatter by up to what is expected of one (without the term 3 of 10 hold)."""
-    random, held, trials = np.random.default_rng(count), 0, 1000
-    for _ in range(trials):
-        values = 1000.0 * random.normal(1.0, scatter, count) + random.normal(256.0, 2.0, count)
-        held += covers([signal(value, 2.0) for value in values.tolist()], 1256.0, LEAST_SCATTER_REL)[0]
-    assert held / trials >= 0.93
-
-
-def covers(signals, truth, expected_rel):
-    """Return whether the interval of a mean holds the truth, and U."""
-    mean = average_signals(signals)
-    found = evaluate_scatter(signals, dark_signal_dn=256.0, expected_rel=expected_rel)
-    scatter_dn = found.rel / math.sqrt(len(signals)) * (mean.value_dn - 256.0)
-    expanded = coverage_factor(found.dof) * math.hypot(mean.standard_uncertainty_dn, scatter_dn)
-    return abs(mean.value_dn - truth) <= expanded, expanded
-
-
-@pytest.mark.parametrize(("count", "most_u_rel"), [(2, 0.13), (3, 0.1), (4, 0.085)])
-def test_interval_contains_the_light_that_flickers(count, most_u_rel):
-    """Nights under mains light of any modulation, frames of 1/60 s at random phases (pre-test: 88 %)."""
-    random = np.random.default_rng(8)
-    night = draw_field(random, camera="Hasselblad L2D-20c", lamp="A", light="A")
-    _, expected_rel = estimate_flicker(1 / 60, 50.0, modulation=(0.0, 1.0))
-    found = []
-    for _ in range(400):
-        modulation = float(random.uniform(0.0, 1.0))
-        shown = []
-        for phase in random.uniform(0.0, 2.0 * math.pi, count).tolist():
-            seen = replace(night, modulation=modulation, phase=phase, glare_share=0.0)
-            still = replace(seen, modulation=0.0)
-            flickers, steady = (
-                each.show(np.ones((1, 1)), exposure_time_s=1 / 60, mains_frequency_hz=50.0)[0, 0, 1]
-                for each in (seen, still)
-            )
-            shown.append(signal(256.0 + 300.0 * flickers / steady + random.normal(0.0, 0.5), 0.5))
-        found.append(covers(shown, 300.0 + 256.0, expected_rel))
-    held, expanded = np.mean(found, axis=0)
-    # 400 nights scatter by 1.1 %
-    assert 0.93 <= held <= 0.985
-    assert expanded / 300.0 < most_u_rel

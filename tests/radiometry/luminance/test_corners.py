@@ -74,7 +74,7 @@ def test_corners_beyond_a_marked_rectangle_err_as_when_it_is_marked_again():
 
 
 def test_figures_have_the_error_of_picked_corners():
-    """U_o and L_av of a slope of light, measured again with 400 draws of the corners."""
+    """U_o and L_av of a slope of light, measured again with 150 draws of the corners."""
     corners, random = photograph(ROAD_M, tilt_deg=30, turn_deg=20), np.random.default_rng(2)
     u_px = 8.0
 
@@ -98,7 +98,7 @@ def test_figures_have_the_error_of_picked_corners():
     values = measure(corners)
     told = judge(values, displace_cells(lanes_of(corners, corner_u_px=u_px), values))
     drawn = [
-        judge(measure(corners + random.normal(0.0, u_px, (4, 2))), np.zeros((0, 6, 10))) for _ in range(400)
+        judge(measure(corners + random.normal(0.0, u_px, (4, 2))), np.zeros((0, 6, 10))) for _ in range(150)
     ]
     for name, loose in (("l_av_cd_m2", 0.15), ("u_o", 0.5), ("max_to_min", 0.5)):
         scatter = np.std([getattr(each, name).value for each in drawn])

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
 
 from radiometry.findings import InputRejected
 from radiometry.findings.grouping import advise
@@ -92,27 +91,18 @@ def test_the_budget_is_the_documented_sum():
     )
 
 
-@pytest.mark.parametrize("count", [1, 4])
-def test_a_frame_has_the_scatter_that_its_calibration_measured(count):
-    """Budget by hand, and intervals that hold the truth in frames of a shutter that repeats to 2 %."""
-    coefficient = replace(
-        COEFFICIENT,
-        **dict.fromkeys(("exposure_time_u_rel", "f_number_u_rel", "meter_calibration_u_rel"), 0.0),
-    )
-    steady = measured(make_frame(noisy(1000.0)), coefficient=coefficient).mean
-    coefficient = replace(coefficient, frame_scatter_rel=0.02)
-    random, trials, held, sizes = np.random.default_rng(7), 120, [], []
-    for seed in range(trials):
-        shown = 1000.0 * random.normal(1.0, 0.02, count)
-        first, *others = (make_frame(noisy(each, seed=seed)) for each in shown)
-        found = measured(first, coefficient=coefficient, repeats=others)
-        source = "scatter between frames" if count == 1 else SCATTER
-        (share,) = (each for each in found.budget if each.source == source)
-        sizes.append(share.standard_uncertainty_cd_m2 / found.mean.value)
-        held.append(abs(found.mean.value - steady.value) <= found.expanded_uncertainty_cd_m2)
-    # K's own error is none of this draw's, so that somewhat more are held
-    assert np.mean(held) >= 0.93
-    assert np.mean(sizes) == pytest.approx(0.02 / math.sqrt(count), rel=0.15)
+@pytest.mark.parametrize("off", [(0.0,), (-1.1619, -0.3873, 0.3873, 1.1619)])
+def test_a_frame_has_the_scatter_that_its_calibration_measured(off):
+    """2 %; of four that differ by as much the mean has half of it, with 1 % of the light expected as well."""
+    coefficient = replace(COEFFICIENT, frame_scatter_rel=0.02)
+    first, *others = (make_frame(noisy(1000.0 * (1 + 0.02 * each), seed=1)) for each in off)
+    found = measured(first, coefficient=coefficient, repeats=others)
+    source, expected = "scatter between frames", 0.02
+    if others:
+        # four degrees of freedom of what is expected, three of what is found
+        source, expected = SCATTER, math.sqrt((4 * (0.02**2 + 0.01**2) + 3 * 0.02**2) / 7) / 2
+    (share,) = (each for each in found.budget if each.source == source)
+    assert share.standard_uncertainty_cd_m2 / found.mean.value == pytest.approx(expected, rel=0.01)
 
 
 def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noise():
@@ -201,19 +191,6 @@ def test_mixed_light_by_hand():
         assert find_mixed_light(colours, response=CAMERA, channel="green", u_rel=u_rel) == ()
 
 
-def test_a_blurred_frame_mixes_its_cells_by_as_much_as_the_manual_says():
-    """A step of 1000 DN between cells of 40 px, blurred by 4 px: 4 / (40 sqrt(2 pi)) of it, on both sides."""
-    step = np.where(np.arange(96) < 48, 500.0, 1500.0) + np.zeros((64, 1)) + 256.0
-    grid = Grid(corners=((8.0, 10.0), (88.0, 10.0), (88.0, 58.0), (8.0, 58.0)), rows=1, columns=2)
-    blurred = gaussian_filter1d(step, 4.0, axis=1)
-    shown = [
-        [cell.value / PER_DN for cell in measured(make_frame(each), grid=grid).surface.cells[0]]
-        for each in (step, blurred)
-    ]
-    expected = 1000.0 * 4.0 / (40.0 * math.sqrt(2.0 * math.pi))
-    assert np.subtract(*shown[::-1]) == pytest.approx([expected, -expected], rel=0.02)
-
-
 def test_the_trail_of_a_car_is_named_and_a_slope_of_light_is_not():
     """One of a cell's 16 rows at ten times its light is +56 % of its mean; light may double over it."""
     slope = noisy(0.0) + 500.0 * 2.0 ** (np.arange(96) / 16)
@@ -225,32 +202,6 @@ def test_the_trail_of_a_car_is_named_and_a_slope_of_light_is_not():
     assert raised.detail.startswith("1 of the cells; most in row 1, column 1")
     road[10:58, 66:] += 1500.0
     assert "mixed_surface" in flags(measured(make_frame(road)))
-
-
-def test_the_interval_of_the_mean_holds_the_truth():
-    """Every source drawn from its stated uncertainty, 600 frames: 95 % within 1.96 u, +- 1.8 % of them."""
-    random = np.random.default_rng(5)
-    truth = 20.0
-    held = []
-    for seed in range(600):
-        time_s = 0.01 * random.normal(1.0, 0.005)
-        f_number = 4.0 * random.normal(1.0, 0.015)
-        k = 30.0 * random.normal(1.0, 0.01) + random.normal(0.0, 0.4)
-        signal = k * time_s * 3200 * truth / f_number**2 + random.normal(0.0, 0.5)
-        found = measured(
-            make_frame(noisy(signal, seed=seed, shape=(60, 92))),
-            polygon=Polygon.from_points([(4, 4), (40, 4), (40, 40), (4, 40)]),
-        )
-        held.append(abs(found.mean.value - truth) <= 1.96 * found.mean.standard_uncertainty)
-    assert np.mean(held) == pytest.approx(0.95, abs=3 * math.sqrt(0.95 * 0.05 / 600))
-
-
-def test_twice_the_time_with_the_same_frame_is_half_the_luminance():
-    frame = make_frame(noisy(1000.0))
-    longer = replace(EXPOSURE, exposure_time_s=0.02)
-    short, long = measured(frame), measured(frame, exposure=longer)
-    for name in ("mean", "smallest", "largest", "median"):
-        assert getattr(long, name).value == pytest.approx(getattr(short, name).value / 2, rel=1e-12)
 
 
 ROAD = np.array([[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]])

@@ -66,15 +66,6 @@ def test_a_window_gives_the_same_block_as_the_whole_frame(offset):
     assert blocks_of(window, region) == blocks_of(frame(whole), region)
 
 
-def test_a_transposed_picture_has_a_transposed_block():
-    whole = numbered(100, 140)
-    one = blocks_of(frame(whole), rectangle(10, 25, 91, 120))
-    other = blocks_of(frame(whole.T), rectangle(25, 10, 120, 91))
-    for name, partner in (("R", "R"), ("G1", "G2"), ("G2", "G1"), ("B", "B")):
-        assert (one[name].row0, one[name].col0) == (other[partner].col0, other[partner].row0)
-        np.testing.assert_array_equal(unpack(one[name].samples_dn), unpack(other[partner].samples_dn).T)
-
-
 def test_a_round_region_holds_a_smaller_square():
     angles = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     circle = Polygon.from_points([(80 + 50 * np.cos(a), 80 + 50 * np.sin(a)) for a in angles])

@@ -75,7 +75,7 @@ def test_a_slope_and_a_bowl_are_no_pattern_once_detrended():
 def test_the_variance_of_a_pattern_scatters_as_it_says(kind):
     """Columns of 20 beside pixels of 20, one bright pixel in 50, or rows that change from frame to frame."""
     errors, claimed = [], []
-    for seed in range(40):
+    for seed in range(25):
         rng = np.random.default_rng(600 + seed)
         pattern, truth = 20.0 * rng.standard_normal((32, 32)), 400.0
         if kind == "columns":
@@ -87,21 +87,7 @@ def test_the_variance_of_a_pattern_scatters_as_it_says(kind):
         found = make_stacks(frames)[0].pattern
         errors.append(found.value_dn2 - truth)
         claimed.append(found.u_dn2)
-    assert np.linalg.norm(errors) / np.linalg.norm(claimed) == pytest.approx(1.0, abs=3.5 / np.sqrt(80))
-
-
-def test_variances_scatter_as_they_say():
-    rng = np.random.default_rng(5)
-    pattern = 4.0 * rng.standard_normal((200, 32, 32))
-    pulls = []
-    for each in pattern:
-        frames = [np.asarray(noisy(rng, pattern=each), np.uint16) for _ in range(2)]
-        (stack,) = make_stacks([row(f, str(n)) for n, f in enumerate(frames)])
-        truths = ((stack.temporal, 400 + 1 / 12), (stack.pattern, 16.0), (stack.detrended, 16.0))
-        pulls.append([(found.value_dn2 - true) / found.u_dn2 for found, true in truths])
-    # of 200 pulls: mean within 3.5 / sqrt(200), standard deviation within 3.5 / sqrt(400)
-    assert np.abs(np.mean(pulls, axis=0)).max() < 3.5 / np.sqrt(200)
-    assert np.abs(np.std(pulls, axis=0) - 1.0).max() < 3.5 / np.sqrt(400)
+    assert np.linalg.norm(errors) / np.linalg.norm(claimed) == pytest.approx(1.0, abs=3.5 / np.sqrt(50))
 
 
 def test_frames_of_one_setting_share_a_stack_and_no_others():

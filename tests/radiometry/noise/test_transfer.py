@@ -34,32 +34,19 @@ from tests.radiometry.noise.series import (
 
 
 def test_figures_scatter_as_they_say():
-    """Fifty sensors of known gain: no tolerance but the predicted one."""
+    """Twenty-five sensors of known gain: no tolerance but the predicted one."""
     pulls, full_well_e = [], find_variance_maximum(SMALL)
-    for seed in range(50):
+    for seed in range(25):
         transfer = only(noise.fit(take(SMALL, seed, times=TIMES[1:]), PARAMS)).transfer
         gain, read = transfer.system_gain_dn_per_e, transfer.read_noise_e
         threshold, full = transfer.sensitivity_threshold_e, transfer.full_well_e
         truths = ((gain, 0.5), (read, 6.0), (threshold, math.sqrt(36.0 + 1 / 3) + 0.5), (full, full_well_e))
         pulls.append([(found.value - true) / found.standard_uncertainty for found, true in truths])
     pulls = np.array(pulls)
-    assert np.abs(pulls.mean(axis=0)).max() < 3.5 / math.sqrt(50)
+    assert np.abs(pulls.mean(axis=0)).max() < 3.5 / math.sqrt(25)
     # Birge's ratio enlarges u(K) by a tenth on the average, and never makes it smaller
-    assert np.all(pulls.std(axis=0) < 1.0 + 3.5 / math.sqrt(100))
-    assert np.all(pulls.std(axis=0)[:3] > 0.9 - 3.5 / math.sqrt(100))
-
-
-def test_faint_levels_share_the_error_of_their_dark_frames():
-    """Where light adds less noise than the dark has, its error is in every level, and in the read noise."""
-    sensor = change(SMALL, read_noise_e=20.0, height_px=48, width_px=48)
-    times = (0.002, 0.004, 0.006, 0.008, 0.010)
-    pulls = []
-    for seed in range(40):
-        transfer = only(noise.fit(take(sensor, seed, times=times), PARAMS)).transfer
-        found = ((transfer.system_gain_dn_per_e, 0.5), (transfer.read_noise_e, 20.0))
-        pulls.append([(each.value - true) / each.standard_uncertainty for each, true in found])
-    assert np.abs(np.mean(pulls, axis=0)).max() < 3.5 / math.sqrt(40)
-    assert np.abs(np.std(pulls, axis=0) - 1.0).max() < 3.5 / math.sqrt(80)
+    assert np.all(pulls.std(axis=0) < 1.0 + 3.5 / math.sqrt(50))
+    assert np.all(pulls.std(axis=0)[:3] > 0.9 - 3.5 / math.sqrt(50))
 
 
 def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
@@ -126,7 +113,7 @@ def test_noise_below_rounding_is_measured_by_its_changes():
 @pytest.mark.parametrize(("noise_steps", "spread"), [(0.15, 0.15), (0.3, 0.0), (0.15, 0.9), (0.3, 0.9)])
 def test_noise_below_rounding_is_within_its_interval(noise_steps, spread):
     random, inside = np.random.default_rng(4), 0
-    runs = 12 if spread > 0.5 else 3
+    runs = 8 if spread > 0.5 else 3
     for _ in range(runs):
         levels = 256.2 + spread * random.standard_normal((48, 48))
         images = np.round(levels + noise_steps * random.standard_normal((2, 48, 48)))
@@ -154,25 +141,14 @@ def test_noise_that_rows_share_is_in_the_uncertainty():
     """Rows of 8 e beside pixels of 4 e; pixels alone would state a third of the scatter."""
     banded = change(SMALL, read_noise_e=4.0, row_noise_e=8.0)
     pulls = []
-    for seed in range(40):
+    for seed in range(20):
         fit = only(noise.fit(take(banded, seed, times=(0.05, 0.2, 0.45)), PARAMS))
         pulls.append(
             (fit.transfer.read_noise_e.value - math.hypot(4.0, 8.0))
             / fit.transfer.read_noise_e.standard_uncertainty
         )
         assert fit.effective_dof["read_noise_e"] < 200
-    assert abs(np.std(pulls) - 1.0) < 3.5 / math.sqrt(80)
-
-
-def test_a_full_well_below_white_is_where_the_variance_falls():
-    sensor = change(SMALL, full_well_e=20_000.0)
-    times = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.8)
-    fit = noise.fit(take(sensor, 7, times=times), PARAMS)
-    transfer = only(fit).transfer
-    assert transfer.saturation_origin == "variance_maximum"
-    agrees(transfer.full_well_e, find_variance_maximum(sensor, end_e=20_000.0), errors=2.0)
-    assert transfer.saturation_dn.standard_uncertainty < 100.0
-    assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
+    assert abs(np.std(pulls) - 1.0) < 3.5 / math.sqrt(40)
 
 
 def end_by_logarithm(light, softness_dn):
@@ -207,7 +183,9 @@ def test_the_softness_of_a_full_well_lowers_its_maximum(end, softness_dn):
 
     sensor = change(SMALL, gain_dn_per_e=0.5)
     rows = take(sensor, 7, times=tuple(0.1 * n for n in range(1, 11)))
-    found = only(noise.fit([repack(row, saturate) for row in rows], PARAMS)).transfer
+    fit = noise.fit([repack(row, saturate) for row in rows], PARAMS)
+    assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
+    found = only(fit).transfer
     agrees(found.saturation_dn, truth, errors=2.0)
     assert found.saturation_origin == "variance_maximum"
     assert found.saturation_dn.standard_uncertainty < 400.0

@@ -18,10 +18,9 @@ from radiometry.reflectance.fit import compute_k
 from radiometry.reflectance.results import Doubt
 from radiometry.reflectance.sun import TiltParams
 from simulation.camera import change
-from simulation.sequoia import BANDS, SEQUOIA, capture
+from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
-    NAMES,
     NOON,
     PANEL,
     PANEL_R,
@@ -67,28 +66,12 @@ def test_a_surface_comes_back_whatever_the_light(light):
         assert found.reflectance.standard_uncertainty < 0.05 * truth
         assert found.i_ss == pytest.approx(light, rel=0.03)
     alone = calibrate(normalisation="panel_only")
+    none = {"sunshine_serial": "OTHER", "counts": None, "sunshine_missing": "none"}
     for each in field(i_ss=light):
-        found = measure(each, alone)
+        found = measure(change_header(each, none), alone)
         assert found.reflectance.value == pytest.approx(SURFACE[found.band] * light / 4300.0, rel=0.05)
         assert flags_of(found.flags) == {"panel_only"}
         assert found.i_ss is None
-
-
-def test_the_stated_uncertainty_is_the_error_s():
-    """Forty pairs of panel and surface: errors of R against the budget without panel and angle."""
-    errors, stated = [], []
-    for seed in range(40):
-        rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
-        exact_level = TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
-        params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level, "drift_half_hour_rel": 0.0}
-        exact = [replace(each, standard_uncertainty=0.0) for each in READINGS]
-        fit = reflectance.fit(rows, exact, reflectance.Params(**params))
-        (each,) = field(2 * seed + 1, {"red_edge": 0.25})
-        found = measure(each, [fit.band_fits[0].coefficient])
-        errors.append(found.reflectance.value - 0.25)
-        stated.append(found.reflectance.standard_uncertainty)
-    rms, expected = np.sqrt(np.mean(np.square(errors))), np.sqrt(np.mean(np.square(stated)))
-    assert 0.6 * expected < rms < 1.4 * expected  # the rms of 40 scatters by 11 %
 
 
 def test_effects_add_up_to_the_uncertainty():
@@ -161,12 +144,17 @@ def test_a_saturated_channel_0_is_rescued_by_the_ratio_of_the_panel():
     assert found.reflectance.value == pytest.approx(0.25, rel=0.02)
 
 
-def test_the_cosine_of_a_sloping_surface_is_divided_out():
+def test_the_cosine_of_a_sloping_surface_or_panel_is_divided_out():
     (each, *_) = field()
     level, sloping = measure(each), measure(each, incidence_angle_deg=60.0)
     assert sloping.reflectance.value == pytest.approx(2 * level.reflectance.value)
     with pytest.raises(InputRejected, match="above 60"):
         measure(each, incidence_angle_deg=61.0)
+    level, tilted = (calibrate(panel(), incidence_angle_deg=angle)[0].reflectance_k for angle in (0.0, 60.0))
+    assert tilted == pytest.approx(level / 2)
+    with pytest.raises(InputRejected, match="above 60") as refusal:
+        calibrate(panel(), incidence_angle_deg=60.1)
+    assert refusal.value.code == "panel_angle_too_large"
 
 
 def change_header(each, band=None, **changes):
@@ -189,12 +177,6 @@ def test_what_k_does_not_hold_for_is_refused(code):
     with pytest.raises(InputRejected) as refusal:
         measure(change_header(field()[0], band, **header))
     assert refusal.value.code == code
-
-
-def test_panel_only_asks_for_no_sunshine_sensor():
-    coefficients = calibrate(normalisation="panel_only")
-    each = change_header(field()[0], {"sunshine_serial": "OTHER", "counts": None, "sunshine_missing": "none"})
-    assert measure(each, coefficients).reflectance.value == pytest.approx(0.08, rel=0.05)
 
 
 def test_serials_are_compared_without_regard_to_case_and_flagged_when_absent():
@@ -246,31 +228,13 @@ def map_of(shot, frame=None):
     )
 
 
-def test_the_map_gives_the_surface_within_its_uncertainty():
-    """A ramp from 2 % to 20 %, in all corners of the lens."""
-    rows, cols = np.mgrid[:120, :160]
-    truth = 0.02 + 0.18 * (rows + cols) / 278
-    scale, found = map_of(expose(truth))
-    assert found.dtype == np.float32
-    for part in (
-        np.s_[:30, :40],
-        np.s_[-30:, :40],
-        np.s_[:30, -40:],
-        np.s_[-30:, -40:],
-        np.s_[45:75, 60:100],
-    ):
-        error = found[part].mean() / truth[part].mean() - 1
-        noise = found[part].std() / truth[part].mean() / np.sqrt(1200)
-        assert abs(error) < 3 * math.hypot(scale.u_rel, noise)
-
-
 def test_the_map_s_mean_is_the_region_s_reflectance():
     shot = expose(0.1)
     scale, found = map_of(shot)
     features = extract(shot.frame, PANEL, header=shot.header, exposure=shot.exposure)
     applied = reflectance.apply_features(features, header=shot.header, coefficients=COEFFICIENTS)
     assert found[40:80, 50:110].mean() == pytest.approx(applied.reflectance.value, rel=1e-6)
-    assert scale.band == "green"
+    assert (scale.band, found.dtype) == ("green", np.float32)
 
 
 def test_nothing_is_clipped_and_what_is_saturated_is_unknown():
@@ -321,24 +285,6 @@ def test_k_by_hand():
     assert alone == pytest.approx(0.36)
 
 
-@pytest.mark.parametrize("band", NAMES)
-def test_the_round_trip_gives_k_back_within_its_uncertainty(band):
-    """Sixty campaigns: the errors are as large as the budget says, panel and angle left out."""
-    errors, stated = [], []
-    for seed in range(60):
-        random = seeded(seed)
-        light = random.uniform(2000, 6000)
-        rows = take(random, {band: PANEL_R[band]}, i_ss=light, gain_indices=(1, 1, 2, 2, 1, 0, 1, 1, 3, 1))
-        fit = k_of(reflectance.fit(rows, READINGS, PARAMS), band)
-        errors.append(fit.coefficient.reflectance_k / BANDS[band].reflectance_k - 1)
-        own = ("pixel noise", "sunshine readings", "sunshine gain", "panel evenness")
-        stated.append(math.hypot(*(entry.u_rel for entry in fit.budget if entry.source in own)))
-    rms, expected = np.sqrt(np.mean(np.square(errors))), np.sqrt(np.mean(np.square(stated)))
-    # the rms of 60 scatters by 9 %; gains at their largest error are stated, not reached
-    assert 0.4 * expected < rms < 1.3 * expected
-    assert expected < 0.03
-
-
 def test_an_exact_camera_gives_k_to_the_steps_it_counts_in():
     exact = change(CAMERA, read_noise_e=0.0, gain_dn_per_e=65_472e-12, sunshine_noise_rel=0.0)
     rows = take(seeded(), PANEL_R, camera=exact, i_ss=4300.0)
@@ -364,22 +310,6 @@ def test_the_budget_adds_up():
     assert fit.coefficient.coverage_factor == pytest.approx(1.96, abs=0.001)
 
 
-def test_the_angle_enters_k_by_its_cosine():
-    level, tilted = (
-        k_of(reflectance.fit(panel(), READINGS, reflectance.Params(incidence_angle_deg=angle)))
-        for angle in (0.0, 60.0)
-    )
-    assert tilted.coefficient.reflectance_k == pytest.approx(level.coefficient.reflectance_k / 2)
-    with pytest.raises(InputRejected, match="above 60") as refusal:
-        reflectance.fit(panel(), READINGS, reflectance.Params(incidence_angle_deg=60.1))
-    assert refusal.value.code == "panel_angle_too_large"
-
-
-def test_the_order_of_the_input_changes_nothing():
-    rows = [*panel(), *panel(2, minutes=20.0)]
-    assert reflectance.fit(rows[::-1], READINGS[::-1], PARAMS) == reflectance.fit(rows, READINGS, PARAMS)
-
-
 def test_panel_only_leaves_the_sunshine_out():
     rows = change_band(panel(), counts=None, sunshine_missing="no sensor was connected")
     params = reflectance.Params(normalisation="panel_only")
@@ -392,16 +322,6 @@ def test_panel_only_leaves_the_sunshine_out():
     with pytest.raises(InputRejected, match="no sensor was connected") as refusal:
         reflectance.fit(rows, READINGS, PARAMS)
     assert refusal.value.code == "sunshine_missing"
-
-
-def test_units_of_a_radiance_camera():
-    rows = [radiance_row()]
-    readings = [reflectance.Reading(panel="RP02", band="blue", reflectance=0.67)]
-    found = reflectance.fit(rows, readings, reflectance.Params(normalisation="panel_only"))
-    coefficient = found.band_fits[0].coefficient
-    assert coefficient.reflectance_k_unit == "m2*sr*nm/W"
-    # E = pi L / albedo, R = pi L / E: K = albedo / L
-    assert coefficient.reflectance_k == pytest.approx(0.67 / 0.17028382)
 
 
 def radiance_row(**band):
@@ -429,6 +349,9 @@ def test_a_panel_that_the_camera_recognised_serves_where_nothing_is_stated():
     found = reflectance.fit([row], (), params)
     coefficient = found.band_fits[0].coefficient
     assert (coefficient.panel, coefficient.panel_reflectance) == ("RP04-1901231-SC", 0.49)
+    # E = pi L / albedo, R = pi L / E: K = albedo / L
+    assert coefficient.reflectance_k == pytest.approx(0.49 / 0.17028382)
+    assert coefficient.reflectance_k_unit == "m2*sr*nm/W"
     assert {"panel_from_file", "panel_uncertainty_missing"} <= flags_of(found.flags)
     stated = [
         reflectance.Reading(panel=coefficient.panel, band="blue", reflectance=0.5, standard_uncertainty=0.01)
@@ -463,12 +386,6 @@ def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
 def test_reflectances_that_cannot_be(wrong):
     with pytest.raises(ValueError, match="cannot be"):
         reflectance.Reading(**{"panel": "P", "band": "red", "reflectance": 0.5} | wrong)
-
-
-def test_the_simulated_camera_s_time_is_its_captures():
-    shot = capture(change(SEQUOIA, height_px=16, width_px=16), seeded(), reflectance={"red": 0.1})
-    assert shot["red"].header.taken_at.startswith("2018-04-13")
-    assert NOON.isoformat() == panel()[0].header.taken_at
 
 
 @pytest.mark.parametrize(("k", "flagged"), [(math.pi, False), (2.5, False), (1.45, True), (6.8, True)])

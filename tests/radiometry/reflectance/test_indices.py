@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import Multispectral, RadianceModel, RigGeometry
+from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import indices as reflectance_indices
 from radiometry.reflectance.alignment import align, find_directions, move_region, project, rotate_into_rig
@@ -16,7 +16,7 @@ from radiometry.reflectance.indices import align_band, read_formula
 from simulation.camera import change as resize
 from simulation.sequoia import SEQUOIA
 from simulation.sequoia import capture as expose
-from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
+from tests.radiometry.reflectance.captures import CAMERA, seeded
 
 FISHEYE = RigGeometry(
     model="fisheye",
@@ -207,15 +207,6 @@ def test_a_region_that_the_other_band_does_not_see_is_refused(phi):
     assert refusal.value.code == "roi_outside_frame"
 
 
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_a_region_of_equal_bands_stays_where_it_is(omega, phi, kappa):
-    lens = turn(FISHEYE, omega, phi, kappa)
-    region = Polygon.from_points([(100, 120), (900, 130), (880, 700), (110, 690)])
-    here, there = move_region(region, of=lens, onto=lens, **SIZE)
-    assert here == region
-    assert np.array(there.points) == pytest.approx(np.array(region.points), abs=1e-2)
-
-
 def test_turning_about_x_moves_the_image_along_y():
     """omega = +1 degree turns the band's axis upwards: what lies straight ahead is lower in its image."""
     lens = PERSPECTIVE
@@ -254,18 +245,3 @@ def test_a_lens_that_cannot_be_sees_nothing(wild, which):
     lenses = {"of": PERSPECTIVE, "onto": PERSPECTIVE} | {which: replace(PERSPECTIVE, **wild)}
     found = align(np.ones((60, 80), np.float32), **lenses)
     assert np.isnan(found).mean() > 0.99
-
-
-def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
-    model = RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6)
-    band = Multispectral(
-        system="micasense", band="red", band_name="Red", capture_id="c", radiance_model=model, geometry=None
-    )
-    maps = {
-        name: reflectance_indices.BandMap(
-            header=make_header(replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)
-        )
-        for name in ("nir", "red")
-    }
-    with pytest.raises(InputRejected, match="RigRelatives"):
-        align_band(maps["red"], maps["nir"])

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import Multispectral, SunshineIrradiance
+from radiometry.frame.multispectral import SunshineIrradiance
 from radiometry.reflectance import findings
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.sun import (
     SunPosition,
     Tilt,
@@ -31,7 +30,6 @@ from radiometry.reflectance.sunshine import find_repeated, measure_light, measur
 from tests.radiometry.reflectance.captures import (
     PANEL_R,
     READINGS,
-    TABLE,
     change_band,
     flags_of,
     k_of,
@@ -55,10 +53,6 @@ PLACE = {"taken_at": "2018-06-13T11:00:00", "latitude_deg": 50.85, "longitude_de
 
 def hang(**more):
     return make_header(make_band(*[make_record(**LEANING)] * 5), **(PLACE | more))
-
-
-def budget_of(fit):
-    return {entry.source: entry.u_rel for entry in fit.budget}
 
 
 def test_both_figures_are_in_the_answer():
@@ -136,9 +130,7 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
         ),
     )
     coefficients = [each.coefficient for each in reflectance.fit(panel, READINGS, STEADY).band_fits]
-    found = reflectance_method.apply_features(
-        leaning.features, header=leaning.header, coefficients=coefficients
-    )
+    found = reflectance.apply_features(leaning.features, header=leaning.header, coefficients=coefficients)
     assert "light_changed" in flags_of(found.flags)
     error = found.reflectance.value / PANEL_R["green"] - 1.0
     assert 0.03 < abs(error) < 2 * found.reflectance.standard_uncertainty / found.reflectance.value
@@ -147,23 +139,13 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
     assert found.reflectance.standard_uncertainty > found.reflectance.value * correction / math.sqrt(3)
 
 
-def test_a_panel_under_a_low_sun_is_less_certain():
-    """Sun 50 degrees from the zenith, 2 degrees off level: 4.2 %, not 0.06 %."""
-    header = replace(ROW.header, latitude_deg=50.0, **EQUINOX)
-    row = replace(ROW, header=header)
-    fit = k_of(reflectance.fit([row], READINGS, reflectance.Params()))
-    assert budget_of(fit)["panel angle"] == pytest.approx(0.042, abs=0.001)
-
-
 def test_a_measurement_takes_the_angle_of_the_fit_and_flags_another():
     params = reflectance.Params(incidence_angle_deg=50.0)
     fit = reflectance.fit([ROW], READINGS, params)
     coefficients = [each.coefficient for each in fit.band_fits]
 
     def measure(**angle):
-        return reflectance_method.apply_features(
-            ROW.features, header=ROW.header, coefficients=coefficients, **angle
-        )
+        return reflectance.apply_features(ROW.features, header=ROW.header, coefficients=coefficients, **angle)
 
     assert measure().reflectance.value == pytest.approx(PANEL_R["green"])
     assert "incidence_angle_differs" not in flags_of(measure().flags)
@@ -288,69 +270,12 @@ def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
     assert seen[1] == seen[2] == pytest.approx(0.98 * seen[0], rel=0.005)
 
 
-def _normal(pitch, roll):
-    """Upward normal (north, east, up) of a body that faces north."""
-    return np.array([-math.sin(pitch) * math.cos(roll), math.sin(roll), math.cos(pitch) * math.cos(roll)])
-
-
-def _enter(angle):
-    """Schlick's form of what a surface of index 1.38 lets in: not the one under test."""
-    return 1.0 - (0.38 / 2.38) ** 2 - (1.0 - (0.38 / 2.38) ** 2) * (1.0 - math.cos(angle)) ** 5
-
-
-def simulate(zenith_deg, noise_rel, *, readings, seed, count):
-    """Return by how many expanded uncertainties K errs, of panels and sensors that nobody levelled."""
-    random = seeded(seed)
-    header = replace(ROW.header, latitude_deg=zenith_deg, **EQUINOX)
-    (sun,) = locate_suns_of(header)
-    up, azimuth = math.radians(sun.elevation_deg), math.radians(sun.azimuth_deg)
-    towards = [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
-    two = math.radians(2.0)
-    errors = []
-    for _ in range(count):
-        direct = 1.0 - min(0.5, max(0.0, random.normal(1 / 6, 0.1)))
-        panel = _normal(*random.normal(0.0, two, 2)) @ towards / math.sin(up)
-        stated = random.normal(0.0, math.radians(4.0), 2)
-        angle = math.acos(_normal(*(stated + random.normal(0.0, two, 2))) @ towards)
-        seen = direct * math.cos(angle) / math.sin(up) * _enter(angle) / _enter(0.0) + 1.0 - direct
-        values = 43_000.0 * seen * (1.0 + noise_rel * random.standard_normal(readings))
-        attitude = dict(zip(("pitch_deg", "roll_deg"), np.degrees(stated), strict=True)) | {"yaw_deg": 0.0}
-        true_r = PANEL_R["green"] + 0.002 * random.standard_normal()
-        if readings > 1:
-            records = tuple(make_record(time_us=n, ch0=round(v), **attitude) for n, v in enumerate(values))
-            counts = replace(make_band(gains=TABLE).counts, records=records)
-            light, h = {"counts": counts}, 430_000.0
-        else:
-            stated_light = SunshineIrradiance(
-                irradiance_w_m2_nm=values[0], quantity="spectral", unit_origin="tag", **attitude
-            )
-            light, h = {"counts": None, "irradiance": stated_light}, 43_000.0
-        features = replace(ROW.features, i_sq=true_r * h * panel / 1300.0, gradient_rel=0.0)
-        row = replace(ROW, header=header, features=features)
-        found = k_of(reflectance.fit(change_band([row], **light), READINGS, STEADY)).coefficient
-        errors.append((found.reflectance_k - 1300.0) / found.expanded_uncertainty)
-    return np.array(errors)
-
-
-def test_k_of_one_reading_that_is_twice_as_noisy_as_assumed_lies_within_its_uncertainty():
-    """100 fits scatter by 2 %: it was 83 %."""
-    errors = simulate(20.0, 0.05, readings=1, seed=3, count=100)
-    assert np.mean(np.abs(errors) < 1.0) > 0.91
-
-
-@pytest.mark.parametrize("zenith_deg", [0.0, 50.0])
-def test_k_lies_within_its_uncertainty_as_often_as_stated(zenith_deg):
-    """Ten readings a file that scatter by 3 %; 150 fits scatter by 1.8 %."""
-    errors = simulate(zenith_deg, 0.03, readings=10, seed=5, count=150)
-    assert 0.90 < np.mean(np.abs(errors) < 1.0) < 0.995
-
-
 def test_a_panel_levelled_by_a_bubble_costs_less_than_by_eye():
-    header = replace(ROW.header, latitude_deg=50.0, **EQUINOX)
+    """Sun 50 degrees from the zenith, 2 degrees off level: 4.2 %, not 0.06 %."""
+    row = replace(ROW, header=replace(ROW.header, latitude_deg=50.0, **EQUINOX))
     costs = []
     for level in ("eye", "measured"):
-        rows = [replace(ROW, header=header)]
-        fit = k_of(reflectance.fit(rows, READINGS, reflectance.Params(panel_level=level)))
+        fit = k_of(reflectance.fit([row], READINGS, reflectance.Params(panel_level=level)))
         costs += [each.u_rel for each in fit.budget if each.source == "panel angle"]
     assert costs == pytest.approx([0.0416, 0.0062], rel=0.03)
 
@@ -373,7 +298,7 @@ def test_sun_of_the_worked_example():
 @pytest.mark.parametrize(
     ("attitude", "expected_deg"),
     [
-        (LEVEL, 60.0),
+        ({**LEVEL, "yaw_deg": 77.0}, 60.0),
         ({**LEVEL, "pitch_deg": -10.0}, 50.0),  # nose down: the normal leans forward, to the north
         ({**LEVEL, "pitch_deg": 10.0}, 70.0),
         ({**LEVEL, "yaw_deg": 90.0, "roll_deg": -10.0}, 50.0),  # facing east, left wing down, to the north
@@ -383,13 +308,6 @@ def test_sun_of_the_worked_example():
 def test_angle_to_a_sun_in_the_north(attitude, expected_deg):
     sun = SunPosition(elevation_deg=30.0, azimuth_deg=0.0)
     assert sun_angle_deg(sun, **attitude) == pytest.approx(expected_deg, abs=1e-9)
-
-
-@given(st.floats(-180, 180), st.floats(0, 360), st.floats(0, 90))
-def test_a_level_sensor_sees_the_zenith_angle_whatever_its_yaw(yaw_deg, azimuth_deg, elevation_deg):
-    sun = SunPosition(elevation_deg=elevation_deg, azimuth_deg=azimuth_deg)
-    # acos loses half the digits near zero
-    assert sun_angle_deg(sun, **{**LEVEL, "yaw_deg": yaw_deg}) == pytest.approx(90 - elevation_deg, abs=1e-5)
 
 
 def test_transmission_by_fresnel():
@@ -405,11 +323,6 @@ def test_transmission_by_fresnel():
 def make_tilt(elevation_deg=45.0, **params):
     sun = SunPosition(elevation_deg=elevation_deg, azimuth_deg=0.0)
     return Tilt(sun=sun, params=TiltParams(**params))
-
-
-def test_a_degree_towards_a_sun_of_45_degrees_is_one_and_a_half_per_cent():
-    tilt = make_tilt()
-    assert level_factor(45.0, tilt) / level_factor(44.0, tilt) - 1 == pytest.approx(0.015, abs=0.001)
 
 
 def test_without_diffuse_light_and_reflection_it_is_the_cosine():
@@ -452,23 +365,6 @@ def test_without_an_attitude_there_is_no_correction():
     with pytest.raises(InputRejected, match="how the sensor hung") as refusal:
         measure_sunshine(make_band(make_record()), tilt=make_tilt())
     assert refusal.value.code == "tilt_not_correctable"
-
-
-def test_what_the_camera_made_level_is_not_levelled_again():
-    def measure(quantity):
-        light = SunshineIrradiance(
-            irradiance_w_m2_nm=1.0,
-            quantity=quantity,
-            unit_origin="tag",
-            yaw_deg=0.0,
-            pitch_deg=-10.0,
-            roll_deg=0.0,
-        )
-        band = Multispectral(system="micasense", band="blue", band_name="Blue", irradiance=light)
-        return measure_sunshine(band, tilt=make_tilt()).i_ss
-
-    assert measure("horizontal") == 1.0
-    assert measure("spectral") == pytest.approx(level_factor(35.0, make_tilt()), rel=1e-12)
 
 
 HEADER = make_header(make_band(), taken_at="2018-06-13T11:00:00", latitude_deg=50.85, longitude_deg=4.35)

@@ -11,7 +11,7 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.findings.grouping import advise
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.indices import compute, read_formula
+from radiometry.reflectance.indices import read_formula
 from radiometry.reflectance.measurement import estimate_noise, measure_index
 from radiometry.reflectance.method import change_reflectance
 from radiometry.reflectance.results import AppliedReflectance, Doubt, Effect
@@ -73,19 +73,6 @@ def test_a_tilt_cancels_in_a_ratio_and_a_panel_is_taken_at_its_worse():
     # each can be the largest source, and has its advice
     assert {share.source for share in angled.budget} >= {"K", "panel", "panel angle", "alignment"}
     assert all(advise((), budget=[(share.source, 1.0)]) for share in angled.budget)
-
-
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("text", ["ndvi", "savi", "nir + red"])
-def test_the_interval_holds_for_every_correlation_of_the_panel(text, correlation):
-    random, bands = np.random.default_rng(5), (("nir", 0.45, 0.009), ("red", 0.08, 0.0016))
-    found = measure(text, *(applied(*each, source="K") for each in bands), shared_u_rel=0.02)
-    common, own = random.standard_normal((1, 4000)), random.standard_normal((2, 4000))
-    errors = math.sqrt(correlation) * common + math.sqrt(1 - correlation) * own
-    values = {name: value + u * error for (name, value, u), error in zip(bands, errors, strict=True)}
-    truth = found.value.value
-    within = np.abs(compute(read_formula(text), values)[0] - truth) <= 1.96 * found.value.standard_uncertainty
-    assert np.mean(within) >= 0.94
 
 
 def test_the_noise_of_a_pixel_is_found_below_a_slope_and_a_few_outliers():

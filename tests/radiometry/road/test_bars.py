@@ -12,7 +12,7 @@ from scipy.stats import binom
 
 from tests.radiometry.road.simulated import measure_road
 
-ROADS = int(os.environ.get("ROADS", "40"))
+ROADS = int(os.environ.get("ROADS", "15"))
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def measured():
 
 @pytest.mark.parametrize(("at", "rms", "bias"), [(0, 0.025, 0.01), (1, 0.025, 0.01)], ids=["e_av", "u_0"])
 def test_errors_are_within_the_bars(measured, at, rms, bias):
-    """Of 40 roads, three standard errors beyond: 1 / sqrt(2 n) of the rms, and 1 / sqrt(n) of it."""
+    """Of 15 roads, three standard errors beyond: 1 / sqrt(2 n) of the rms, and 1 / sqrt(n) of it."""
     errors = measured[:, at, 0]
     assert np.sqrt(np.mean(errors**2)) < rms * (1.0 + 3.0 / np.sqrt(2 * ROADS))
     assert abs(errors.mean()) < bias + 3.0 * rms / np.sqrt(ROADS)

@@ -128,9 +128,9 @@ def test_places_that_lie_alike_share_their_light_and_near_ones_their_patch():
 
 
 def test_a_lens_that_falls_off_is_allowed_for():
-    """cos^4 takes 40 % of the light at the ends of the field; without the allowance four of eight hold."""
+    """cos^4 takes 40 % of the light at the ends of the field; without the allowance half of them hold."""
     held, flags = [], []
-    for seed in range(8):
+    for seed in range(4):
         truth = draw_road(np.random.default_rng(seed))
         scale = dataclasses.replace(SCALE, falls_off=True)
         above_m = 0.9 * truth.site.rows[0].spacing_m
@@ -139,26 +139,23 @@ def test_a_lens_that_falls_off_is_allowed_for():
         figure = get_figure(result, "u_0")
         held.append(figure.low < light.min() / light.mean() < figure.high)
         flags.append({each.flag for each in result.flags})
-    assert sum(held) >= 6
+    assert sum(held) >= 3
     assert all("road_falloff_assumed" in each for each in flags)
 
 
 def test_edge_ratio_is_that_of_the_lamps():
     """The worse side's mean beside the lanes over that of as wide a strip within."""
-    held = []
-    for seed in range(3):
-        random = np.random.default_rng(seed)
-        truth = draw_road(random)
-        edges = (Strip(name=n, kind="edge", y_m=y, width_m=3.5) for n, y in (("near", -3.5), ("far", 7.0)))
-        truth.site = dataclasses.replace(truth.site, strips=(*truth.site.strips, *edges))
-        _, points, *_, light = surveyed = survey(truth, random)
-        figure = get_figure(evaluate(surveyed), "eir")
-        parts = np.array([each.part for each in points])
-        sides = [(light[parts == n].mean(), light[parts == f"{n} (inside)"].mean()) for n in ("near", "far")]
-        true = min(beside / within for beside, within in sides)
-        held.append(figure.low < true < figure.high)
-        assert figure.expanded_uncertainty < 0.05 * true
-    assert all(held)
+    random = np.random.default_rng(0)
+    truth = draw_road(random)
+    edges = (Strip(name=n, kind="edge", y_m=y, width_m=3.5) for n, y in (("near", -3.5), ("far", 7.0)))
+    truth.site = dataclasses.replace(truth.site, strips=(*truth.site.strips, *edges))
+    _, points, *_, light = surveyed = survey(truth, random)
+    figure = get_figure(evaluate(surveyed), "eir")
+    parts = np.array([each.part for each in points])
+    sides = [(light[parts == n].mean(), light[parts == f"{n} (inside)"].mean()) for n in ("near", "far")]
+    true = min(beside / within for beside, within in sides)
+    assert figure.low < true < figure.high
+    assert figure.expanded_uncertainty < 0.05 * true
 
 
 @pytest.mark.parametrize("b1", [-0.3, 0.3])
@@ -170,20 +167,20 @@ def test_the_slope_with_the_angle_is_found_by_many_points(b1):
 
 def test_a_wrong_point_is_named_and_not_used():
     named = 0
-    for seed in range(8):
+    for seed in range(4):
         random = np.random.default_rng(seed)
         surveyed = survey(draw_road(random), random, wrong=seed)
         result, truth = evaluate(surveyed), surveyed[-1]
         states = {each.name: each.state for each in result.control}
         named += [name for name, state in states.items() if state == "differs"] == [f"P{seed + 1}"]
         assert get_figure(result, "e_av").value == pytest.approx(truth.mean(), rel=0.1)
-    assert named == 8
+    assert named == 4
 
 
 def test_a_sodium_road_with_a_k_of_led_is_flagged_and_right():
     """Shown a third too dark, as a camera of published response does."""
     errors = []
-    for seed in range(8):
+    for seed in range(4):
         random = np.random.default_rng(100 + seed)
         scale = dataclasses.replace(SCALE, lamp_kind="led")
         road, *_, truth = surveyed = survey(draw_road(random, lamp=0.7), random, scale=scale)

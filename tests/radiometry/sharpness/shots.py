@@ -26,23 +26,6 @@ def edge(**changes):
     return Edge(**({"name": "centre", "row0": 3, "col0": 20} | changes))
 
 
-def transpose(frame):
-    """The same picture, rows for columns."""
-    mosaic = len(frame.black_level_dn) == 4
-    sites = (0, 2, 1, 3) if mosaic else range(len(frame.black_level_dn))
-    return replace(
-        frame,
-        samples_dn=np.ascontiguousarray(np.swapaxes(frame.samples_dn, 0, 1)),
-        row0=frame.col0,
-        col0=frame.row0,
-        height_px=frame.width_px,
-        width_px=frame.height_px,
-        cfa="".join(frame.cfa[i] for i in sites) if mosaic else frame.cfa,
-        black_level_dn=tuple(frame.black_level_dn[i] for i in sites),
-        white_level_dn=tuple(frame.white_level_dn[i] for i in sites),
-    )
-
-
 def extract(frame, regions, *, camera=CAMERA, target=EDGES, header=None):
     header = header or camera.camera.describe()
     return fit.extract(frame, regions, header=header, exposure=None, target=target).features

@@ -1,13 +1,11 @@
 """Slanted edges: against sfrmat5's own curves, against blurs of known transfer, and what is refused."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import tifffile
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
@@ -28,7 +26,6 @@ from tests.radiometry.sharpness.shots import (
     measure_only,
     render_chart,
     seeded,
-    transpose,
 )
 
 FREQUENCY = list_frequencies()
@@ -122,7 +119,7 @@ def test_width_of_the_region_does_not_move_mtf50(width, sigma_px):
     assert response.mtf50.value == pytest.approx(0.187390 / sigma_px, rel=0.001)
 
 
-@pytest.mark.parametrize("angle_deg", [3.0, 12.0])
+@pytest.mark.parametrize("angle_deg", [-3.0, 5.0, 12.0])
 @pytest.mark.parametrize("width_px", [1.0, 1.6, 2.5])
 def test_a_box_blur_is_found(width_px, angle_deg):
     response = measure_only(edge(blur="box", blur_px=width_px, angle_deg=angle_deg))
@@ -130,24 +127,6 @@ def test_a_box_blur_is_found(width_px, angle_deg):
     assert response.rise_px.value == pytest.approx(0.8 * width_px, rel=0.01)
     truth = true_mtf(FREQUENCY, blur="box", blur_px=width_px)
     assert np.abs(np.array(response.mtf) - truth)[BELOW_NYQUIST].max() < 0.01
-
-
-@settings(max_examples=25)
-@given(
-    sigma_px=st.floats(0.45, 1.4),
-    angle_deg=st.floats(3.0, 12.0),
-    lean=st.sampled_from([1.0, -1.0]),
-    order=st.integers(1, 5),
-    shift=st.integers(-8, 8),
-)
-def test_any_slope_place_and_order_give_the_blur(sigma_px, angle_deg, lean, order, shift):
-    one = edge(blur_px=sigma_px, angle_deg=lean * angle_deg)
-    frame = render_chart(SMALL, [one], seeded())
-    moved = replace(one, col0=one.col0 + max(shift, 0), width=one.width - abs(shift))
-    (region,) = extract(frame, [moved.region], target=Target(edge_order=order)).regions
-    (response,) = region.edges
-    assert response.mtf50.value == pytest.approx(0.187390 / sigma_px, rel=0.01)
-    assert response.rise_px.value == pytest.approx(2.5631 * sigma_px, rel=0.01)
 
 
 def test_a_slope_that_meets_few_places_is_no_worse():
@@ -158,27 +137,6 @@ def test_a_slope_that_meets_few_places_is_no_worse():
 
 
 # --- orientation, polarity, lattice
-
-
-def numbers(response, *, turned=False):
-    """All numbers of a response, or those of the transposed picture."""
-    normal = response.place.normal
-    place = replace(response.place, normal=normal[::-1] if turned else normal)
-    return astuple(replace(response, channel="", orientation="", place=place))
-
-
-@pytest.mark.parametrize("cfa", ["grey", "rgb", "RGGB", "GRBG"])
-def test_the_transposed_picture_gives_the_same_to_the_last_bit(cfa):
-    camera = change(NOISY, cfa=cfa, bright_dn=12000.0)
-    one = edge(row0=5)
-    frame = render_chart(camera, [one], seeded())
-    turned = transpose(frame)
-    corners = [(y, x) for x, y in one.region.polygon.points]
-    (upright,) = extract(frame, [one.region]).regions
-    (other,) = extract(turned, [Region(name="", polygon=Polygon.from_points(corners))]).regions
-    assert {each.orientation for each in upright.edges} == {"vertical"}
-    assert {each.orientation for each in other.edges} == {"horizontal"}
-    assert [numbers(each, turned=True) for each in upright.edges] == [numbers(each) for each in other.edges]
 
 
 @pytest.mark.parametrize("horizontal", [False, True])
@@ -301,13 +259,8 @@ def test_uncertainties_cover_the_truth(noisy):
         # a bend of the curve by noise where it crosses 0.5 does not make one u several times the others
         us = [each.standard_uncertainty for each in found]
         assert max(us) < 3.0 * np.median(us), name
-
-
-def test_noise_does_not_move_the_mean(noisy):
-    for name, truth in (("mtf50", 0.26770), ("rise_px", 1.79417), ("lsf_fwhm_px", 1.64836)):
-        values = [getattr(each, name).value for each in noisy]
-        standard_error = np.std(values) / math.sqrt(len(values))
-        assert abs(np.mean(values) - truth) < 0.01 * truth + 3 * standard_error, name
+        off = np.mean([each.value for each in found]) - truth
+        assert abs(off) < 0.01 * truth + 3 * scatter / math.sqrt(len(found)), name
     assert np.mean([each.noise_rel for each in noisy]) == pytest.approx(0.02, rel=0.05)
     assert noisy[0].contrast == pytest.approx(0.8, abs=0.005)
 
@@ -355,14 +308,6 @@ def test_two_edges_are_not_one():
     with pytest.raises(InputRejected) as refused:
         extract(replace(frame, samples_dn=samples), [one.region])
     assert refused.value.code in {sharpness_codes.EDGE_NOT_FOUND, sharpness_codes.CHART_CONTRAST_TOO_LOW}
-
-
-def test_an_empty_field_has_no_edge():
-    one = edge()
-    frame = render_chart(change(SMALL, bright_dn=1000.0), [one], seeded())
-    with pytest.raises(InputRejected, match="Contrast") as refused:
-        extract(frame, [one.region])
-    assert refused.value.code is sharpness_codes.CHART_CONTRAST_TOO_LOW
 
 
 def test_one_bad_region_leaves_the_others():

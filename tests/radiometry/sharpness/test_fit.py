@@ -73,30 +73,24 @@ def test_every_position_has_the_figures_of_the_contract(fitted):
         assert 0 <= figures[model, "overshoot"].value < 0.02
 
 
-def test_the_falloff_is_a_quarter(fitted):
+def test_the_falloff_is_a_quarter_and_its_uncertainty_follows_from_its_parts(fitted):
     (table,) = fitted.falloff
     assert (table.centre, set(table.corners)) == (("centre",), {"top-left", "bottom-right"})
-    assert table.corner_falloff.value == pytest.approx(
-        0.25, abs=3 * table.corner_falloff.standard_uncertainty
-    )
-    assert 0 < table.corner_falloff.standard_uncertainty < 0.02
     for each in table.rows:
         assert each.ratio.value == pytest.approx(0.75, abs=4 * each.ratio.standard_uncertainty)
-    (figure,) = [each for each in list_coefficients(fitted) if each.name == "corner_falloff"]
-    assert (figure.model, figure.unit, figure.value) == ("slanted_edge", "1", table.corner_falloff.value)
-
-
-def test_the_falloff_s_uncertainty_follows_from_its_parts(fitted):
     found = {each.position: each.find("mtf50_cycles_per_pixel").quantity for each in fitted.positions}
     middle, one, two = found["centre"], found["top-left"], found["bottom-right"]
     corner = (one.value + two.value) / 2
     u_corner = math.hypot(one.standard_uncertainty, two.standard_uncertainty) / 2
     u_rel = math.hypot(u_corner / corner, middle.standard_uncertainty / middle.value)
-    quantity = fitted.falloff[0].corner_falloff
+    quantity = table.corner_falloff
     assert quantity.value == pytest.approx(1 - corner / middle.value)
+    assert quantity.value == pytest.approx(0.25, abs=3 * quantity.standard_uncertainty)
     assert quantity.standard_uncertainty == pytest.approx(corner / middle.value * u_rel)
     parts = [each.find("mtf50_cycles_per_pixel").effective_dof for each in fitted.positions]
-    assert min(parts) <= fitted.falloff[0].corner_falloff_dof <= sum(parts)
+    assert min(parts) <= table.corner_falloff_dof <= sum(parts)
+    (figure,) = [each for each in list_coefficients(fitted) if each.name == "corner_falloff"]
+    assert (figure.model, figure.unit, figure.value) == ("slanted_edge", "1", quantity.value)
 
 
 def test_repeats_are_averaged_with_the_larger_of_scatter_and_noise():

@@ -43,24 +43,9 @@ def blur_of(records, *, at_s, exposure_time_s=0.001):
     return blur_of_file(header, exposure_time_s=exposure_time_s, pixel_pitch_um=3.75, focal_length_mm=3.98)
 
 
-def test_rates_about_single_axes():
-    turns = compute_turns(attitudes((0, 0, 0), (4, 0, 0), (4, 2, 0)))
-    assert turns[0].yaw_rate_deg_s == pytest.approx(20.0)
-    assert turns[0].tilt_rate_deg_s == pytest.approx(0.0, abs=1e-9)
-    assert turns[1].pitch_rate_deg_s == pytest.approx(10.0)
-    assert turns[1].tilt_rate_deg_s == pytest.approx(10.0)
-
-
 def test_north_is_no_jump():
     (turn,) = compute_turns(attitudes((359, 0, 0), (1, 0, 0)))
     assert turn.yaw_rate_deg_s == pytest.approx(10.0)
-
-
-def test_the_yaw_of_a_tilted_body_turns_its_line_of_sight():
-    (turn,) = compute_turns(attitudes((0, 30, 0), (1, 30, 0)))
-    # the vertical seen from the body: sin 30 backwards, cos 30 down
-    assert turn.roll_rate_deg_s == pytest.approx(-5.0 * math.sin(math.radians(30)), rel=1e-3)
-    assert turn.yaw_rate_deg_s == pytest.approx(5.0 * math.cos(math.radians(30)), rel=1e-3)
 
 
 def test_the_rates_carry_one_attitude_into_the_next():

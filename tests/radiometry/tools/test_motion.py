@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.tools.motion import MotionCase, compute_motion, tolerable_rate_deg_s
+from radiometry.tools.motion import MotionCase, compute_motion
 
 # 1/t, angle [deg], way on the ground [m], pixels at 6 mm, at 9 mm: as printed
 TABLE_3 = [
@@ -86,13 +86,6 @@ def test_the_longest_exposure_reaches_the_limit_and_not_more(one):
     there = compute_motion(replace(one, exposure_time_s=longest))
     assert there.theoretical_blur_px == pytest.approx(one.limit_px, rel=1e-9)
     assert there.theoretical_blur_px == there.rotation_blur_px + there.forward_blur_px
-
-
-@settings(max_examples=40)
-@given(cases, st.floats(0.1, 10.0))
-def test_the_tolerable_rate_falls_as_the_exposure_grows(one, factor):
-    rate = tolerable_rate_deg_s(one, one.exposure_time_s)
-    assert tolerable_rate_deg_s(one, one.exposure_time_s * factor) == pytest.approx(rate / factor)
 
 
 def test_what_is_not_asked_is_not_there():

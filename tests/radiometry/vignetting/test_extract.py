@@ -117,15 +117,6 @@ def test_a_window_says_what_the_whole_frame_says_there(header):
     assert extract(window, header, polygon) == extract(frame, header, polygon)
 
 
-def test_transposing_the_picture_transposes_the_blocks(header):
-    samples = np.random.default_rng(6).integers(100, 900, (45, 130))
-    one, other = (by_name(extract(make_frame(each), header)) for each in (samples, samples.T))
-    for name, turned in (("R", "R"), ("G1", "G2"), ("G2", "G1"), ("B", "B")):
-        for field in ("mean_dn", "noise_dn", "n", "clipped_share"):
-            mine, theirs = unpack(getattr(one[name], field)), unpack(getattr(other[turned], field))
-            np.testing.assert_allclose(mine, theirs.T, rtol=1e-6)
-
-
 def test_a_rendered_picture_has_three_planes():
     lens = change(SMALL, cfa="rgb")
     features = row(take(lens, plan_flat(lens, f_number=8.0), np.random.default_rng(1))).features
@@ -211,23 +202,6 @@ def test_a_wrong_dark_level_shrinks_the_curve_and_leaves_the_centre():
     assert found.centre_px == pytest.approx(CENTRE, abs=1e-4)
 
 
-def test_the_uncertainty_covers_wrong_dark_levels():
-    """Noise alone leaves a twentieth of the error."""
-    random, u_dark, noise = np.random.default_rng(5), 0.02, 1e-3
-    blocks = exact_blocks(GRID, K, CENTRE, error=noise)
-    truth = fit_channel([blocks], f_number=2.0, channel="G1").fit.coefficient
-    blocks = replace(blocks, dark=DarkError(shared=u_dark))
-    pulls = []
-    for _ in range(40):
-        wrong = noise * random.standard_normal(blocks.light.shape) + u_dark * random.standard_normal()
-        found = fit_channel([offset(blocks, wrong)], f_number=2.0, channel="G1").fit
-        u = found.coefficient.corner_falloff_standard_uncertainty
-        assert u > 5 * truth.corner_falloff_standard_uncertainty
-        pulls.append((found.coefficient.corner_falloff - truth.corner_falloff) / u)
-    assert abs(np.mean(pulls)) < 3.5 / math.sqrt(40)
-    assert abs(np.std(pulls) - 1.0) < 3.5 / math.sqrt(80)
-
-
 def test_dark_frames_that_wander_are_in_the_uncertainty_of_every_channel():
     """Darks at 250, 256 and 262 DN: s = 6; of their mean 6 / sqrt 3, of the flat's own 6."""
     bright = flat(SMALL, 1, 2.0)
@@ -285,13 +259,6 @@ def test_dark_current_between_the_times_at_hand_is_in_the_uncertainty():
         assert after.dark_u_rel == pytest.approx(18.0 / light_dn, rel=0.03)
         assert before.dark_u_rel < 0.1 * after.dark_u_rel
     assert not vignetting.fit([bright, *right, *longer], NONE).flags
-
-
-def test_dark_frames_of_the_flat_s_own_time_leave_no_drift():
-    bright = flat(SMALL, 1, 2.0)
-    own = [dark(SMALL, seed, name=f"own-{seed}", time_s=bright.exposure.exposure_time_s) for seed in (1, 2)]
-    alone, beside = (vignetting.fit([bright, *darks], NONE) for darks in (own, [*own, warm(5.0)]))
-    assert alone.channel_fits == beside.channel_fits
 
 
 # --- The falloff in other programs' terms, read back as they read it

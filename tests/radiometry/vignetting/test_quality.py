@@ -12,13 +12,10 @@ from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting import lens as vignetting_lens
-from radiometry.vignetting import lens as vignetting_residuals
-from radiometry.vignetting import verdicts
 from radiometry.vignetting import verdicts as vignetting_verdicts
-from radiometry.vignetting.falloff import evaluate_slopes
 from radiometry.vignetting.lens import require_format
-from simulation.camera import change, take
-from simulation.targets import FALLOFFS, FAST_LENS, Picture, plan_flat
+from simulation.camera import change
+from simulation.targets import FAST_LENS, Picture
 from tests.radiometry.evidence import taken
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flags_of, flat, surface
 
@@ -78,22 +75,10 @@ def test_strongly_uneven_light_is_refused_with_its_direction(gradient, towards):
     assert f"brighter towards the {towards}" in message
 
 
-def test_an_off_centre_lens_is_not_refused_for_uneven_light():
-    lens = change(FAST_LENS, height_px=192, width_px=288, centre_px=(60.0, 190.0))
-    found = vignetting.fit([flat(lens, 4)], NONE)
-    assert flags_of(found.flags) <= {"dark_from_black_level"}
-    green = found.coefficients[1]
-    for index, (value, true) in enumerate(zip(green.centre_px, (60.0, 190.0), strict=True), start=3):
-        u = green.covariance[index][index] ** 0.5
-        assert abs(value - true) < 3.0 * u
-        assert u < 2.0
-
-
 def test_a_centre_that_a_plane_explains_as_well_is_flagged():
     """A faint falloff under uneven light: without the plane the centre would lie near a border."""
-    lens = change(
-        SMALL, falloffs={8.0: (-0.03, 0.0, 0.0)}, centre_px=None, gain_dn_per_e=2.0, read_noise_e=1.0
-    )
+    faint = {"falloffs": {8.0: (-0.03, 0.0, 0.0)}, "gain_dn_per_e": 2.0, "read_noise_e": 1.0}
+    lens = change(SMALL, cfa="grey", centre_px=None, **faint)
     found = vignetting.fit([flat(lens, 3, 8.0, target=surface(gradient=(0.0, 0.012)))], NONE)
     assert "centre_uncertain" in flags_of(found.flags)
 
@@ -127,16 +112,14 @@ def wide_surface(height_px, width_px, *, spot=None):
     return Picture(shares=light)
 
 
-@pytest.mark.parametrize(("height", "width"), [(512, 640), (514, 642), (912, 1368)])
+@pytest.mark.parametrize(("height", "width"), [(514, 642), (912, 1368)])
 @pytest.mark.parametrize("lens", ["narrow", "wide"])
 def test_a_clean_flat_has_no_dust_in_blocks_that_the_border_cuts_nor_in_dark_corners(height, width, lens):
     camera = change(FAST_LENS, height_px=height, width_px=width, centre_px=None)
     target = surface()
     if lens == "wide":
         camera, target = change(camera, falloffs={}), wide_surface(height, width)
-    for seed in (1, 2):
-        found = fit_alone(flat(camera, seed, target=target))
-        assert "dust" not in flags_of(found.flags)
+    assert "dust" not in flags_of(fit_alone(flat(camera, 1, target=target)).flags)
 
 
 @pytest.mark.parametrize("spot", [(896.0, 30.0), (905.0, 700.0)])
@@ -150,14 +133,14 @@ def test_dust_is_found_in_the_dark_corner_of_a_wide_lens_and_at_the_border(spot)
 def test_the_residual_map_does_not_know_what_was_left_out():
     target = surface(spots=((60.0, 100.0, 6.0, 0.3),))
     fits = vignetting.fit([flat(SMALL, 1, 2.0, target=target)], NONE).channel_fits
-    found = vignetting_residuals.find_fit(fits, f_number=2.0, channel="G1")
+    found = vignetting_lens.find_fit(fits, f_number=2.0, channel="G1")
     residuals = unpack(found.residuals)
     row, col = (int(place // found.block_px) for place in (60.0, 100.0))
     assert np.isnan(residuals[row, col])
     assert 0 < np.isnan(residuals).sum() < 10
     assert np.sqrt(np.nanmean(residuals**2)) == pytest.approx(found.residual_rms_rel, rel=1e-3)
     with pytest.raises(InputRejected, match=r"at f/2.8, channel G1; there are f/2 R, f/2 G1"):
-        vignetting_residuals.find_fit(fits, f_number=2.8, channel="G1")
+        vignetting_lens.find_fit(fits, f_number=2.8, channel="G1")
 
 
 def test_a_pattern_on_the_target_is_refused():
@@ -215,33 +198,27 @@ def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
 
 def test_the_plan_says_what_to_add():
     rows = [flat(SMALL, n, 1.4, name=f"wide-{n}") for n in (1, 2, 3)]
-    assert verdicts.plan([*rows, *DARKS], NONE) == (
+    assert vignetting_verdicts.plan([*rows, *DARKS], NONE) == (
         "only f/1.4: frames at other f-numbers cannot be corrected",
     )
-    found = verdicts.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
+    found = vignetting_verdicts.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
     assert found == (
         "ISO 100 has 1 dark frame: add 2",
         "f/4 has 1 usable flat frame: add 2 more",
         "f/1.4 and f/4 are more than a stop apart: add one between",
     )
     clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
-    (again,) = verdicts.plan([clipped], NONE)
+    (again,) = vignetting_verdicts.plan([clipped], NONE)
     assert again.startswith("take again: frame bright (")
-    assert "no dark frames at ISO 100: add 3 with the lens covered" in verdicts.plan(rows, NONE)
+    assert "no dark frames at ISO 100: add 3 with the lens covered" in vignetting_verdicts.plan(rows, NONE)
     full = [flat(SMALL, n, f, name=f"{f:g}-{n}") for f in (1.4, 2.0) for n in (1, 2, 3)]
-    assert verdicts.plan([*full, *DARKS], NONE) == ()
+    assert vignetting_verdicts.plan([*full, *DARKS], NONE) == ()
 
 
 def test_a_rendered_flat_is_flagged():
     row = flat(SMALL, 1)
     row = replace(row, header=replace(row.header, rendered=True))
     assert flags_of(fit(row).flags) == {"rendered"}
-
-
-def test_numbers_of_a_point_are_finite():
-    for point in fit(flat(SMALL, 1), flat(SMALL, 2, name="bright", target=surface(1.02))).points:
-        for value in (point.saturated_share, point.signal_share, point.gradient_rel):
-            assert value is None or np.isfinite(value)
 
 
 # --- V between f-numbers and over regions, against figures worked out by hand; a frame that it corrects
@@ -267,20 +244,6 @@ def test_v_and_its_uncertainty_at_a_calibrated_f_number():
     expected = 1e-2 * math.sqrt(0.36**2 + 0.36**4 + 0.36**6 + by_col**2)
     assert float(found.standard_uncertainty) == pytest.approx(expected, rel=1e-9)
     assert float(found.gain) == pytest.approx(1 / V_2)
-
-
-def test_slopes_are_those_of_v_for_each_parameter():
-    place, k, centre = (np.array(130.0), np.array(350.0)), (-0.4, 0.1, -0.05), (100.0, 200.0)
-
-    def share(parameters):
-        return evaluate_slopes(*place, parameters[:3], centre_px=tuple(parameters[3:]), radius_px=250.0)[0]
-
-    _, slopes = evaluate_slopes(*place, k, centre_px=centre, radius_px=250.0)
-    for index in range(5):
-        up, down = np.array([*k, *centre]), np.array([*k, *centre])
-        up[index] += 1e-4
-        down[index] -= 1e-4
-        assert float(slopes[index]) == pytest.approx(float(share(up) - share(down)) / 2e-4, rel=1e-6)
 
 
 def test_misfit_adds_to_the_uncertainty():
@@ -373,19 +336,3 @@ def test_uncertainty_of_a_mean_does_not_average_out():
     assert half.standard_uncertainty == pytest.approx(
         float(evaluate(f_number=2.0 * math.sqrt(2.0)).standard_uncertainty)
     )
-
-
-def test_a_correction_makes_another_flat_even():
-    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
-    fit = vignetting.fit([flat(lens, 1), *(dark(lens, n, name=f"d{n}") for n in (2, 3))], NONE)
-    gains = vignetting_lens.compute_correction(fit.coefficients, cfa="RGGB", f_number=1.4)
-    assert (gains.dtype, gains.shape) == (np.float32, (192, 288))
-    shot = take(lens, plan_flat(lens, f_number=1.4), np.random.default_rng(9)).frame
-    even = (shot.samples_dn - 256.0) * gains
-    green = even[0::2, 1::2]
-    blocks = green.reshape(12, 8, 12, 12).mean(axis=(1, 3))
-    # 96 pixels of 2690 DN and fewer, at 0.25 DN an electron, through gains of up to 2.5
-    noise = np.sqrt(2690 * 0.25 * 2.5 / 96) / 2690
-    assert np.abs(blocks / blocks.mean() - 1).max() < 5 * noise
-    uneven = (shot.samples_dn - 256.0)[0::2, 1::2].reshape(12, 8, 12, 12).mean(axis=(1, 3))
-    assert uneven.min() < 0.55 * uneven.max()
