@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import cache
 
-from bench import growth, harness, lookups, reading, start, uploads
+from bench import growth, harness, lookups, reading, uploads, workers
 from tests.support.postgres import PostgresServer
 
 _FULL = harness.Scale(coefficients=(10_000, 100_000, 1_000_000))
@@ -30,7 +30,8 @@ def main(scale: harness.Scale, *names: str) -> int:
             "uploads": lambda: uploads.run(scale, postgres()),
             "growth": lambda: growth.run(scale),
             "lookups": lambda: lookups.run(scale, postgres()),
-            "start": lambda: start.run(scale),
+            "workers": lambda: workers.run(scale, postgres()),
+            "start": lambda: workers.run_start(scale),
         }
         if strange := set(names) - parts.keys():
             harness.say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")

@@ -42,6 +42,10 @@ class Scale:
     lookups: int = 400  # look-ups of one turn
     starts: int = 2
     rests_s: float = 12.0
+    workers: int = 20
+    job_s: float = 1.0  # three such jobs a worker in a round
+    card: int = 500
+    restarts: int = 7
 
 
 def take_turns(

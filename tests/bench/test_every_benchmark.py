@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import start
+from bench import workers
 from bench.__main__ import main
 from bench.harness import Scale
 from tests.support.processes import alive, family
@@ -24,6 +24,10 @@ TINY = Scale(
     lookups=20,
     starts=1,
     rests_s=0.1,
+    workers=2,
+    job_s=0.01,
+    card=20,
+    restarts=1,
 )
 
 
@@ -39,11 +43,11 @@ def short_folder():
 def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatch, capfd):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     # whole services start in other tests
-    monkeypatch.setattr(start, "up", lambda _: nullcontext(os.getpid()))
+    monkeypatch.setattr(workers, "up", lambda _: nullcontext(os.getpid()))
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 37
+    targets = 41
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert list(short_folder.iterdir()) == []
