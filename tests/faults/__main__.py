@@ -14,9 +14,8 @@ from tests.faults.drill import BOTH, Row
 from tests.faults.machine import described
 from tests.faults.matrix import Matrix
 from tests.faults.report import Run
-from tests.faults.table import FAULTS, HASTEN, QUIET
+from tests.faults.table import FAULTS, QUIET
 from tests.faults.verdict import Verdict
-from tests.support.deployments import QUICK
 from tests.support.fieldwork import write_campaign
 
 
@@ -25,11 +24,8 @@ def main() -> int:
     if asked.merge:
         return _merge(asked.merge)
     chosen = [fault for fault in FAULTS if not asked.only or any(word in fault.name for word in asked.only)]
-    if asked.short:
-        chosen = [fault for fault in chosen if fault.lasts_s < 100]
     faults = [QUIET, *(fault for fault in chosen if fault is not QUIET)]
     kinds = asked.on or list(BOTH)
-    pace = {"settings": QUICK, "hasten": HASTEN} if asked.quick else {}
     # where rows were kept on this machine says nothing to the reader of the page
     words = [word for word in sys.argv[1:] if word not in ("--keep", str(asked.keep))]
     run = Run(
@@ -37,7 +33,6 @@ def main() -> int:
         began=f"{datetime.now(UTC):%Y-%m-%d %H:%M}",
         machine=described(),
     )
-    _say(report.head())
     with tempfile.TemporaryDirectory(prefix="stilb-drill-") as folder:
         (shots_in := Path(folder, "shots")).mkdir()
         shots = write_campaign(shots_in)
@@ -48,7 +43,6 @@ def main() -> int:
             folder=Path(folder, "rows"),
             seed=asked.seed,
             show=_shower(run, asked.keep),
-            **pace,
         )
         matrix.run(faults, kinds)
     _say(report.summary(matrix.rows))
@@ -94,10 +88,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.faults")
     parser.add_argument("--only", action="append", help="rows whose name holds these words; may be repeated")
     parser.add_argument("--on", action="append", choices=BOTH, help="on this deployment only")
-    parser.add_argument("--short", action="store_true", help="without the rows that last for minutes")
-    parser.add_argument(
-        "--quick", action="store_true", help="with quick leases, short faults: as in the tests"
-    )
     parser.add_argument("--seed", type=int, default=1, help="chooses the moments of the faults")
     parser.add_argument("--write", action="store_true", help="write docs/faults.md")
     parser.add_argument("--keep", type=Path, help="append each row to this file as it ends")

@@ -57,8 +57,6 @@ class Fault:
 
 @dataclass(kw_only=True)
 class Row:
-    """What a drill has shown."""
-
     fault: str
     kind: str
     frames: int = 0
@@ -68,8 +66,6 @@ class Row:
     goes_on_s: float | None = None
     all_done_s: float | None = None
     told: str = ""
-    machine_s: float | None = None
-    """The slowest answer of a process that no fault strikes: so slow was the machine itself."""
     complaints: list[str] = field(default_factory=list)
     skipped: str = ""
 
@@ -81,8 +77,6 @@ class Row:
 
 @dataclass(kw_only=True)
 class Drill:
-    """What a strike may look at and do."""
-
     ground: Ground
     load: Load
     rng: Random
@@ -91,7 +85,6 @@ class Drill:
     organisation_id: str
 
     def jobs(self, *states: str) -> list[Job]:
-        """The row's jobs in these states."""
         wanted = select(Job).where(Job.organisation_id == self.organisation_id, Job.state.in_(states))
         with self.ground.database.reading() as session:
             return list(session.scalars(wanted))
@@ -142,7 +135,6 @@ def run_row(
             _finish(fault, drill, row)
             row.all_done_s = max(0.0, time.monotonic() - ended)
         row.goes_on_s = watch.first_end_after(ended)
-        row.machine_s = watch.slowest_s("bystander")
         row.told = _told(fault, watch, began, ended, row)
         row.frames = len(base) + len(card)
         row.errors = len(load.troubles)

@@ -141,7 +141,6 @@ def address_of(service: Service) -> tuple[str, int]:
 
 
 def read_answer(connection: socket.socket) -> bytes:
-    """Read one answer that states its length."""
     answer = b""
     while (found := re.search(rb"content-length: (\d+)\r\n(?:[^\r]+\r\n)*\r\n", answer)) is None or len(
         answer
@@ -288,8 +287,6 @@ class Table:
 
 
 class _Spent:
-    """What the service spends within the block."""
-
     def __init__(self, pid: int, neighbour: Neighbour) -> None:
         self._pid, self._neighbour = pid, neighbour
 

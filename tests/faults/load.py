@@ -23,8 +23,6 @@ _LOOK_UP_EVERY_S = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:
-    """What a user of the client sees: an exception."""
-
     at: float
     asked: str
     code: str

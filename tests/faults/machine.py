@@ -49,7 +49,6 @@ def _compiled(folder: Path) -> Path:
 
 
 def described() -> str:
-    """The machine in a few words."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     model = next((line.partition(": ")[2] for line in lines if line.startswith("model name")), "unknown")
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / (1 << 30)

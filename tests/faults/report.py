@@ -7,25 +7,10 @@ from pathlib import Path
 from tests.faults.drill import Row
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
-HEAD = (
-    "fault",
-    "on",
-    "frames",
-    "lost",
-    "twice",
-    "wrong",
-    "errors",
-    "goes on [s]",
-    "all done [s]",
-    "told",
-    "machine [s]",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """The run that has drilled a row."""
-
     command: str
     began: str
     machine: str
@@ -52,24 +37,14 @@ Where other work kept the machine busy, all seconds are upper values.
 
 
 def line(row: Row) -> str:
-    """One row of the table."""
     if row.skipped:
-        return f"| {row.fault} | {row.kind} | 0 | skipped: {row.skipped} ||||||||"
+        return f"{row.fault}, {row.kind}: skipped: {row.skipped}"
     found = row.verdict
-    counts = [len(found.lost), len(found.twice), len(found.wrong), row.errors]
-    goes_on, all_done, machine = (
-        "" if value is None else f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s, row.machine_s)
-    )
-    cells = [row.fault, row.kind, row.frames, *counts, goes_on, all_done, row.told, machine]
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def head() -> str:
-    return f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}"
+    counts = f"{len(found.lost)} lost, {len(found.twice)} twice, {len(found.wrong)} wrong"
+    return f"{row.fault}, {row.kind}: {row.frames} frames, {counts}, {_seconds(row)} s; told: {row.told}"
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """The sums, in a sentence."""
     run = [row for row in rows if not row.skipped]
     sums = [sum(len(getattr(row.verdict, name)) for row in run) for name in ("lost", "twice", "wrong")]
     held = sum(row.holds for row in run)
@@ -103,7 +78,6 @@ def complaints(row: Row) -> list[str]:
 
 
 def page(drilled: Sequence[tuple[Run, Row]]) -> str:
-    """The whole page."""
     runs = list(dict.fromkeys(run for run, _ in drilled))
     rows = [row for _, row in drilled]
     parts = [TEXT.format(frames=max(row.frames for row in rows)), "## The last runs\n\n"]

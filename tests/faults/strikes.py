@@ -19,7 +19,6 @@ _HUNG_WITHIN_S = _STARTS_WITHIN_S = 240.0
 
 
 def killed(part: str, times: int = 1) -> Strike:
-    """Kill a part, each time while work is going on."""
 
     @contextmanager
     def strike(drill: Drill) -> Iterator[None]:

@@ -1,55 +1,36 @@
 """The matrix: every fault that is drilled, and what must hold beside nothing lost, doubled or wrong."""
 
+from collections.abc import Iterator
+
 from store.settings import Settings
 from tests.faults import strikes
 from tests.faults.drill import Fault
+from tests.support.proxy import Mode
 
 LEASE_S: float = Settings.model_fields["lease_s"].default
 _EMBEDDED, _COMPOSED = (("embedded",), ("composed",))
-_LONG_S = 600.0
 HASTEN = 4.0
 """By how much shorter faults last in the tests."""
+_MODES: tuple[tuple[Mode, str, float, int | None], ...] = (
+    ("silent", "is silent", 30.0, 503),
+    ("slow", "is slow", 20.0, None),
+    ("failing", "fails", 20.0, 503),
+    ("away", "is away for ten minutes", 600.0, 503),
+)
 
 
-def _peers() -> list[Fault]:
-    """What lies elsewhere, in the composed deployment."""
-    faults = []
+def _peers() -> Iterator[Fault]:
     for peer, name in (("database", "the database"), ("s3", "S3")):
-        faults += [
-            Fault(
-                name=f"{name} is silent",
-                strike=strikes.peer(peer, "silent"),
+        for mode, what, lasts_s, readyz in _MODES:
+            yield Fault(
+                name=f"{name} {what}",
+                strike=strikes.peer(peer, mode),
                 on=_COMPOSED,
-                lasts_s=30.0,
-                readyz=503,
+                lasts_s=lasts_s,
+                readyz=readyz,
                 livez=True,
-            ),
-            Fault(
-                name=f"{name} is slow",
-                strike=strikes.peer(peer, "slow"),
-                on=_COMPOSED,
-                lasts_s=20.0,
-                livez=True,
-            ),
-            Fault(
-                name=f"{name} fails",
-                strike=strikes.peer(peer, "failing"),
-                on=_COMPOSED,
-                lasts_s=20.0,
-                readyz=503,
-                livez=True,
-                in_tests=_COMPOSED if peer == "s3" else (),
-            ),
-            Fault(
-                name=f"{name} is away for ten minutes",
-                strike=strikes.peer(peer, "away"),
-                on=_COMPOSED,
-                lasts_s=_LONG_S,
-                readyz=503,
-                livez=True,
-            ),
-        ]
-    return faults
+                in_tests=_COMPOSED if (peer, mode) == ("s3", "failing") else (),
+            )
 
 
 QUIET = Fault(name="nothing")

@@ -15,14 +15,9 @@ def test_nothing_is_lost_doubled_or_wrong(tmp_path):
     (tmp_path / "shots").mkdir()
     shots = write_campaign(tmp_path / "shots")
     half, scenes = len(shots) // 2, 1 + len(LEVELS)
-    matrix = Matrix(
-        base=shots[:scenes],
-        card=shots[half : half + 2 * scenes],
-        folder=tmp_path / "rows",
-        seed=1,
-        settings=QUICK,
-        hasten=HASTEN,
-    )
+    base, card = shots[:scenes], shots[half : half + scenes]
+    quick = {"settings": QUICK, "hasten": HASTEN}
+    matrix = Matrix(base=base, card=card, folder=tmp_path / "rows", seed=1, **quick)
     # the truth of one deployment is that of the other
     drilled = [replace(QUIET, on=BOTH[:1]), *(replace(fault, on=fault.in_tests) for fault in FAULTS)]
     matrix.run([fault for fault in drilled if fault.on], BOTH)

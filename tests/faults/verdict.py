@@ -127,21 +127,15 @@ def _count(load: Load, sent: Sequence[Shot], database: Database, verdict: Verdic
         frames = session.scalars(select(FrameRow).where(FrameRow.campaign_id == load.campaign.id)).all()
         ids = [frame.id for frame in frames]
         hashes = Counter(frame.sha256 for frame in frames)
+        created = _counts(AuditEntry.subject_id, ids).where(AuditEntry.action == "frame.create")
+        measured = [frame.id for frame in load.base.frames.values()]
         counted = {
-            "extraction": session.execute(_counts(Extraction.frame_id).where(Extraction.frame_id.in_(ids))),
-            "job": session.execute(_counts(Job.subject_id).where(Job.subject_id.in_(ids))),
-            "entry of its creation": session.execute(
-                _counts(AuditEntry.subject_id).where(
-                    AuditEntry.subject_id.in_(ids), AuditEntry.action == "frame.create"
-                )
-            ),
-            "measurement": session.execute(
-                _counts(Measurement.frame_id).where(
-                    Measurement.frame_id.in_([frame.id for frame in load.base.frames.values()])
-                )
-            ),
+            "extraction": _counts(Extraction.frame_id, ids),
+            "job": _counts(Job.subject_id, ids),
+            "entry of its creation": created,
+            "measurement": _counts(Measurement.frame_id, measured),
         }
-        found = {what: dict(rows.all()) for what, rows in counted.items()}
+        found = {what: dict(session.execute(rows).all()) for what, rows in counted.items()}
     verdict.twice += [f"a frame {count} times" for count in hashes.values() if count > 1]
     for what, counts in found.items():
         verdict.twice += [f"{count} times an {what} of {of}" for of, count in counts.items() if count > 1]
@@ -158,8 +152,8 @@ def _count(load: Load, sent: Sequence[Shot], database: Database, verdict: Verdic
         verdict.wrong.append(f"the audit trail breaks at {broken.seq}: {broken.what}")
 
 
-def _counts(column: Any) -> Any:
-    return select(column, func.count()).group_by(column)
+def _counts(column: Any, ids: list[str]) -> Any:
+    return select(column, func.count()).where(column.in_(ids)).group_by(column)
 
 
 def _judge_privacy(load: Load, stranger: Team, verdict: Verdict) -> None:

@@ -56,13 +56,8 @@ class StandIn:
 
     def will_refuse(self, status: int, code: str, *, retryable: bool = False, **more: Any) -> None:
         headers = {"Content-Type": "application/problem+json", **more.pop("headers", {})}
-        body = {
-            "status": status,
-            "code": code,
-            "detail": f"about {code}",
-            "title": code,
-            "retryable": retryable,
-        }
+        body = {"status": status, "code": code, "title": code, "retryable": retryable}
+        body["detail"] = f"about {code}"
         self.will_answer({**body, **more}, status=status, headers=headers)
 
     def take(self) -> Answer:
@@ -146,7 +141,6 @@ def client(service: StandIn) -> Iterator[stilb.Client]:
 
 @pytest.fixture(scope="session")
 def live(migrated_sqlite, tmp_path_factory):
-    """The real service, over loopback."""
     with furnished(migrated_sqlite, tmp_path_factory.mktemp("live")) as house, serving(house) as served:
         yield served
 
@@ -197,7 +191,6 @@ def stilb_command(config, capsys):  # noqa: ARG001  nobody's own login is touche
 
 @pytest.fixture
 def signed_in(stilb_command, team):
-    """The same, of somebody who has signed in with the team's key."""
     ended = stilb_command("login", team.url, "--key", team.key)
     assert ended.code == 0, ended.err
     return stilb_command

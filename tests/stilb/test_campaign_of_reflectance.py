@@ -112,16 +112,9 @@ def test_a_serial_alone_names_a_registered_panel(card, team, signed_in):
     assert signed_in("campaign", "panel", campaign.id).code == Exit.USAGE
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('[panel]\nserial = "P"\nmeasured_on = 2018-01-01\n', "bands in panel is not filled in"),
-        ('[[panel]]\nserial = "P"\n[[panel]]\nserial = "P"\n', "bands in panel is not filled in"),
-    ],
-)
-def test_half_a_panel_is_refused_by_what_it_lacks(card, text, said):
-    write_panels(card, text)
-    with pytest.raises(Unclear, match=said):
+def test_half_a_panel_is_refused_by_what_it_lacks(card):
+    write_panels(card, '[[panel]]\nserial = "P"\n[[panel]]\nserial = "P"\n')
+    with pytest.raises(Unclear, match="bands in panel is not filled in"):
         read_plan(card)
 
 

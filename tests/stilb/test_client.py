@@ -9,6 +9,7 @@ from stilb.export import frame_path
 from stilb.field.files import plain_stem
 from stilb.records import as_text
 
+K = {"name": "luminance_k", "value": 33.1, "standard_uncertainty": 0.2, "iso": 3200, "unit": "DN*m2/(cd*s)"}
 CALIBRATION = {
     "id": "k-1",
     "method": "luminance",
@@ -16,15 +17,7 @@ CALIBRATION = {
     "version": 1,
     "camera_id": "cam-1",
     "valid_from": None,
-    "coefficients": [
-        {
-            "name": "luminance_k",
-            "value": 33.1,
-            "standard_uncertainty": 0.2,
-            "unit": "DN*m2/(cd*s)",
-            "iso": 3200,
-        }
-    ],
+    "coefficients": [K],
     "diagnostics": {"verdict": "pass"},
 }
 JOB = {"id": "j-1", "kind": "fit", "state": "queued", "progress": 0.0, "attempt": 0}
@@ -35,11 +28,10 @@ def job(state, **more):
 
 
 def test_a_camera_with_its_lens(service, client):
-    service.will_answer(
-        {"id": "cam-1", "make": "DJI", "model": "X5S", "serial": "S1", "note": "n"}, status=201
-    )
-    camera = client.create_camera("DJI", "X5S", "S1", lens={"make": "DJI", "model": "15 mm"}, note="n")
-    assert service.asked[0].json["lens"] == {"make": "DJI", "model": "15 mm"}
+    named, lens = {"make": "DJI", "model": "X5S", "serial": "S1", "note": "n"}, {"model": "15 mm"}
+    service.will_answer({"id": "cam-1"} | named, status=201)
+    camera = client.create_camera(**named, lens=lens)
+    assert service.asked[0].json["lens"] == lens
     assert (camera.id, camera.raw["note"]) == ("cam-1", "n")
 
 
@@ -57,42 +49,16 @@ def test_a_failed_job_raises_its_problem(service, client):
     with pytest.raises(stilb.JobFailed, match="fit_incomplete: too few scenes") as found:
         client.wait(stilb.Job.of(JOB))
     assert (found.value.job.id, found.value.status) == ("j-1", 422)
-
-
-def test_a_quarantined_job_raises_even_without_a_problem(service, client):
     service.will_answer(job("quarantined"))
     with pytest.raises(stilb.JobFailed, match="quarantined"):
         client.wait("j-1")
-
-
-def test_waiting_ends(service, client):
-    service.will_answer(job("running"))
-    with pytest.raises(TimeoutError, match="still running"):
-        client.wait("j-1", timeout_s=0)
 
 
 def campaign_with(being_read):
     return {"id": "c-1", "camera_id": "cam-1", "method": "luminance", "frames": {"being_read": being_read}}
 
 
-def test_calibrate_waits_and_reads_the_draft(service, client, monkeypatch):
-    monkeypatch.setattr("time.sleep", lambda _s: None)
-    service.will_answer(campaign_with(being_read=2))
-    service.will_answer(campaign_with(being_read=0))
-    service.will_answer(JOB, status=202)
-    service.will_answer(job("succeeded", result={"calibration_id": "k-1"}))
-    service.will_answer(CALIBRATION)
-    calibration = client.calibrate("c-1", model="proportional", tolerance=0.04)
-    del service.asked[:2]
-    assert service.asked[0].path == "/v1/campaigns/c-1/calibrations"
-    assert service.asked[0].json == {"model": "proportional", "tolerance": 0.04}
-    assert service.asked[2].path == "/v1/calibrations/k-1"
-    (k,) = calibration.coefficients
-    assert (k.name, k.value, k.standard_uncertainty, k.iso) == ("luminance_k", 33.1, 0.2, 3200)
-    assert calibration.raw["diagnostics"] == {"verdict": "pass"}
-
-
-def test_calibrate_waits_for_frames_that_are_read_again(service, monkeypatch):
+def test_calibrate_waits_for_frames_that_are_read_again_and_reads_the_draft(service, monkeypatch):
     monkeypatch.setattr("time.sleep", lambda _s: None)
     detail = "69 of 81 frames are read again"
     again = {"code": "campaign_incomplete", "status": 422, "detail": detail, "retryable": True}
@@ -102,27 +68,26 @@ def test_calibrate_waits_for_frames_that_are_read_again(service, monkeypatch):
     service.will_answer(job("succeeded", result={"calibration_id": "k-1"}))
     service.will_answer(CALIBRATION)
     told = []
+    given = {"model": "proportional", "tolerance": 0.04}
     with stilb.Client(service.url, "key", retries=0) as client:
-        assert client.calibrate("c-1", on_progress=lambda *counts: told.append(counts)).raw == CALIBRATION
+        calibration = client.calibrate("c-1", **given, on_progress=lambda *counts: told.append(counts))
     assert told == [(0, 69), (69, 69)]
+    tried, *_, begun, _, read = service.asked[1:]
+    assert begun.path == tried.path == "/v1/campaigns/c-1/calibrations"
+    assert begun.json == tried.json == given
+    assert read.path == "/v1/calibrations/k-1"
+    (k,) = calibration.coefficients
+    assert (k.name, k.value, k.standard_uncertainty, k.iso) == ("luminance_k", 33.1, 0.2, 3200)
+    assert calibration.raw == CALIBRATION
 
 
 def test_coefficients_as_known_then(service, client):
-    row = CALIBRATION["coefficients"][0] | {
-        "calibration_id": "k-1",
-        "version": 1,
-        "flags": ["dark_from_black_level"],
-    }
+    row = K | {"calibration_id": "k-1", "version": 1, "flags": ["dark_from_black_level"]}
     service.will_answer({"items": [row], "next": None})
-    (k,) = client.coefficients(
-        "cam-1", iso=3200, at=datetime(2025, 6, 1, tzinfo=UTC), known_at="2025-07-01T00:00:00Z"
-    )
-    assert service.asked[0].query == {
-        "method": "luminance",
-        "iso": "3200",
-        "at": "2025-06-01T00:00:00+00:00",
-        "known_at": "2025-07-01T00:00:00Z",
-    }
+    at, known_at = datetime(2025, 6, 1, tzinfo=UTC), "2025-07-01T00:00:00Z"
+    (k,) = client.coefficients("cam-1", iso=3200, at=at, known_at=known_at)
+    asked = {"method": "luminance", "iso": "3200", "at": "2025-06-01T00:00:00+00:00", "known_at": known_at}
+    assert service.asked[0].query == asked
     assert k.flags == ("dark_from_black_level",)
 
 
@@ -131,11 +96,9 @@ def test_a_certificate_for_programs_is_text(service, client):
     assert client.certificate_dcc("k-1", country="DE") == "<dcc>µ</dcc>"
 
 
-def test_lists_of_a_camera_and_a_campaign(service, client):
-    for _ in range(2):
-        service.will_answer({"items": [CALIBRATION], "next": None})
+def test_the_history_of_a_camera(service, client):
+    service.will_answer({"items": [CALIBRATION], "next": None})
     assert [found.id for found in client.history("cam-1", state="published")] == ["k-1"]
-    assert [found.id for found in client.calibrations("c-1")] == ["k-1"]
     assert service.asked[0].query == {"state": "published"}
 
 
@@ -145,9 +108,8 @@ def test_a_time_without_its_zone_is_refused():
 
 
 def test_rows_of_a_series_have_the_same_columns(service, client):
-    service.will_answer(
-        {"rows": [{"name": "a", "iso": 100}, {"name": "b", "valid_to": "2026-01-01T00:00:00Z"}]}
-    )
+    rows = [{"name": "a", "iso": 100}, {"name": "b", "valid_to": "2026-01-01T00:00:00Z"}]
+    service.will_answer({"rows": rows})
     assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [
         {"name": "a", "iso": 100, "valid_to": None},
         {"name": "b", "iso": None, "valid_to": datetime(2026, 1, 1, tzinfo=UTC)},
@@ -164,12 +126,6 @@ def test_many_hashes_are_asked_in_parts(service, client):
     assert [asked.json["sha256"] for asked in service.asked] == [hashes[:1000], hashes[1000:]]
 
 
-def test_a_region_may_have_parts(service, client):
-    service.will_answer({"id": "r-1"})
-    client.set_roi("c-1", regions={"centre": [(0, 0), (9, 0), (9, 9)]})
-    assert service.asked[0].json == {"regions": [{"name": "centre", "polygon": [[0, 0], [9, 0], [9, 9]]}]}
-
-
 def test_an_index_has_a_mean_alone(service, client):
     quantity = {"value": 0.5, "standard_uncertainty": 0.01, "unit": "1"}
     named = {"id": "m-1", "frame_id": "f-1", "filename": "a.TIF", "camera_id": "cam-1", "mean": quantity}
@@ -181,7 +137,10 @@ def test_an_index_has_a_mean_alone(service, client):
     assert (found.mean.value, found.min) == (0.5, None)
 
 
-def test_who_waits_for_a_campaign_may_run_out_of_time(service, client):
+def test_who_waits_may_run_out_of_time(service, client):
+    service.will_answer(job("running"))
+    with pytest.raises(TimeoutError, match="still running"):
+        client.wait("j-1", timeout_s=0)
     service.will_answer(campaign_with(being_read=3))
     with pytest.raises(TimeoutError, match="3 frames of c-1 are not read after 0 s"):
         client.wait_for("c-1", timeout_s=0)

@@ -22,7 +22,7 @@ CALIBRATE, VIGNETTING = (block for block in read_blocks("docs/client.md", "pytho
 def test_every_example_of_the_client_is_true(live, shots, tmp_path, monkeypatch):
     with live.team() as team:
         campaign = team.campaign()
-        few = [shot for shot in shots if "-3200-" in shot.path.name]
+        few = [shot for shot in shots if "-3200-" in shot.path.name and not shot.path.stem.endswith("-2")]
         for frame in team.push(campaign, few):
             team.client.wait(frame.job_id)
         names = {

@@ -2,7 +2,6 @@
 
 import pytest
 
-from stilb.commands.campaign import _reasons
 from stilb.commands.output import Exit
 
 ROW = {"frame_id": "frm_1", "filename": "1.TIF", "role": "field"}
@@ -12,29 +11,31 @@ MOVED = ROW | {
     "theoretical_blur_px": 1.852,
     "within_limit": False,
 }
-UNKNOWN = ROW | {"filename": "2.TIF", "missing_code": "attitude_missing", "missing": "no [two] records"}
+UNKNOWN = ROW | {"missing_code": "attitude_missing", "missing": "no [two] records"}
 CAMPAIGN = {"id": "cmp_1", "camera_id": "cam_1", "method": "reflectance"}
 
 
-def answer(*rows):
-    within = [row.get("within_limit") for row in rows]
-    counts = {"frames": len(rows), "with_rates": sum(each is not None for each in within)}
-    counts |= {"within_limit": within.count(True), "beyond_limit": within.count(False)}
-    return counts | {"pixel_pitch_um": 3.75, "focal_length_mm": 3.98, "limit_px": 0.5, "rows": list(rows)}
-
-
 @pytest.fixture
-def command(service, stilb_command, monkeypatch):
+def ask(service, stilb_command, monkeypatch):
+    """The command's end where the service answers with these rows."""
     monkeypatch.setenv("STILB_URL", service.url)
     monkeypatch.setenv("STILB_KEY", "the-key")
-    return stilb_command
+
+    def run(rows, *options):
+        within = [row.get("within_limit") for row in rows]
+        counts = {"frames": len(rows), "with_rates": sum(each is not None for each in within)}
+        counts |= {"within_limit": within.count(True), "beyond_limit": within.count(False)}
+        used = {"pixel_pitch_um": 3.75, "focal_length_mm": 3.98, "limit_px": 0.5}
+        service.will_answer(CAMPAIGN)
+        service.will_answer(counts | used | {"rows": rows})
+        return stilb_command("motion", "cmp_1", *options)
+
+    return run
 
 
-def test_what_was_asked_is_asked_of_the_service(service, command):
-    service.will_answer(CAMPAIGN)
-    service.will_answer(answer(MOVED | {"within_limit": True}))
+def test_what_was_asked_is_asked_of_the_service(service, ask):
     options = ("--focal-length", 3.98, "--limit", 2, "--speed", 6, "--height", 100, "--role", "field")
-    ended = command("motion", "cmp_1", *options, "--json")
+    ended = ask([MOVED | {"within_limit": True}], *options, "--json")
     assert (ended.code, ended.json["rows"][0]["rotation_blur_px"]) == (Exit.DONE, 1.852)
     asked = service.asked[1]
     assert asked.path == "/v1/campaigns/cmp_1/motion"
@@ -44,22 +45,12 @@ def test_what_was_asked_is_asked_of_the_service(service, command):
     assert "pixel_pitch_um" not in asked.query
 
 
-def test_a_frame_beyond_the_limit_is_a_finding(service, command):
-    service.will_answer(CAMPAIGN)
-    service.will_answer(answer(MOVED, UNKNOWN))
-    ended = command("motion", "cmp_1", "--focal-length", 3.98)
+def test_a_frame_beyond_the_limit_is_a_finding_and_a_reason_is_given_once(ask):
+    rows = [UNKNOWN | {"filename": "2.TIF"}, MOVED, UNKNOWN | {"filename": "3.TIF"}]
+    ended = ask(rows, "--focal-length", 3.98)
     assert ended.code == Exit.FINDINGS
     assert "BEYOND" in ended.out
-    assert "2.TIF: no [two] records" in ended.out
-    assert "2 frames, 1 with rates: 0 within 0.5 px, 1 beyond" in ended.out
-
-
-def test_a_reason_is_given_once():
-    rows = [UNKNOWN, MOVED, UNKNOWN | {"filename": "3.TIF"}]
-    assert _reasons(rows) == ["2.TIF and 1 more: no [two] records"]
-
-
-def test_the_focal_length_is_needed(command):
-    ended = command("motion", "cmp_1")
-    assert ended.code == Exit.USAGE
-    assert "--focal-length" in ended.err
+    assert "2.TIF and 1 more: no [two] records" in ended.out
+    assert "3 frames, 1 with rates: 0 within 0.5 px, 1 beyond" in ended.out
+    missing = ask([])
+    assert (missing.code, "--focal-length" in missing.err) == (Exit.USAGE, True)

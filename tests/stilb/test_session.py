@@ -10,22 +10,19 @@ from stilb.commands.output import Exit
 
 
 def test_a_key_is_checked_and_kept_for_its_owner_alone(stilb_command, team, config):
+    """Also in the place of a file that others could read."""
     ended = stilb_command("login", f"{team.url}/", "--key", team.key)
     assert (ended.code, ended.err) == (Exit.DONE, "")
     assert "may read, upload, calibrate, publish, admin" in ended.out
-    kept = config / "login.json"
-    assert json.loads(kept.read_text()) == {"url": team.url, "key": team.key}
-    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
     assert stat.S_IMODE(config.stat().st_mode) == 0o700
-
-
-def test_a_file_that_others_could_read_is_replaced(stilb_command, team, config):
-    config.mkdir(parents=True)
-    (config / "login.json").write_text("{}")
-    (config / "login.json").chmod(0o644)
+    kept = config / "login.json"
+    told = kept.read_text()
+    assert json.loads(told) == {"url": team.url, "key": team.key}
+    kept.write_text("{}")
+    kept.chmod(0o644)
     (config / "login.json.draft").write_text("left by a crash")
     assert stilb_command("login", team.url, "--key", team.key).code == Exit.DONE
-    assert stat.S_IMODE((config / "login.json").stat().st_mode) == 0o600
+    assert (kept.read_text(), stat.S_IMODE(kept.stat().st_mode)) == (told, 0o600)
 
 
 def test_a_wrong_key_is_not_kept(stilb_command, team, config):
@@ -36,10 +33,12 @@ def test_a_wrong_key_is_not_kept(stilb_command, team, config):
     assert not (config / "login.json").exists()
 
 
-def test_a_key_of_any_scope_can_sign_in(stilb_command, team):
+def test_a_key_of_any_scope_and_name_can_sign_in(stilb_command, team):
     with team.http() as http:
-        weak = http.post("/v1/keys", json={"name": "card", "scopes": ["upload"]}).json()["secret"]
-    assert "may upload" in stilb_command("login", team.url, "--key", weak).out
+        asked = {"name": "[red]card[/red]", "scopes": ["upload"]}
+        weak = http.post("/v1/keys", json=asked).json()["secret"]
+    said = stilb_command("login", team.url, "--key", weak).out
+    assert ("may upload" in said, "'[red]card[/red]'" in said) == (True, True)
     ended = stilb_command("jobs", "--json")
     assert (ended.code, ended.json["error"]["code"]) == (Exit.KEY, "scope_missing")
     assert "Ask an admin" in ended.err
@@ -107,23 +106,25 @@ def test_the_kept_key_goes_to_no_other_service(signed_in, service):
     assert service.asked == []
 
 
-@pytest.mark.parametrize("address", ["stilb.example.org", "ftp://stilb.example.org"])
-def test_an_address_that_is_none(stilb_command, address):
-    ended = stilb_command("login", address, "--key", "k")
-    assert ended.code == Exit.USAGE
-    assert "must begin with http" in ended.err
-
-
-def test_a_service_that_is_not_there(stilb_command):
-    ended = stilb_command("login", "http://127.0.0.1:9", "--key", "k", "--json")
-    assert (ended.code, ended.json["error"]["code"]) == (Exit.NETWORK, "unreachable")
-    assert "stilb doctor" in ended.err
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("login", "stilb.example.org", "--key", "k"), Exit.USAGE, "must begin with http"),
+        (("login", "ftp://stilb.example.org", "--key", "k"), Exit.USAGE, "must begin with http"),
+        (("login", "http://127.0.0.1:9", "--key", "k"), Exit.NETWORK, "stilb doctor"),
+        (("push", "--json", "--no-such-option"), Exit.USAGE, "--no-such-option"),
+    ],
+)
+def test_what_is_mistyped_or_not_there_is_told_on_stderr(stilb_command, words, code, said):
+    ended = stilb_command(*words)
+    assert (ended.code, ended.out) == (code, "")
+    assert said in ended.err
 
 
 def test_something_else_that_answers(stilb_command, service):
     service.will_answer(b"<h1>It works!</h1>", headers={"Content-Type": "text/html"})
-    ended = stilb_command("login", service.url, "--key", "k")
-    assert ended.code == Exit.NETWORK
+    ended = stilb_command("login", service.url, "--key", "k", "--json")
+    assert (ended.code, ended.json["error"]["exit_code"]) == (Exit.NETWORK, Exit.NETWORK)
     assert "is this a stilb service?" in ended.err
 
 
@@ -132,18 +133,6 @@ def test_a_kept_file_that_is_broken(signed_in, config):
     ended = signed_in("whoami")
     assert ended.code == Exit.USAGE
     assert "Sign in again" in ended.err
-
-
-def test_a_mistyped_option_is_told_on_stderr(stilb_command):
-    ended = stilb_command("push", "--json", "--no-such-option")
-    assert (ended.code, ended.out) == (Exit.USAGE, "")
-    assert "--no-such-option" in ended.err
-
-
-def test_what_others_have_named_is_shown_as_it_is(stilb_command, team):
-    with team.http() as http:
-        key = http.post("/v1/keys", json={"name": "[red]card[/red]", "scopes": ["read"]}).json()["secret"]
-    assert "'[red]card[/red]'" in stilb_command("login", team.url, "--key", key).out
 
 
 def test_ctrl_c(stilb_command, monkeypatch):

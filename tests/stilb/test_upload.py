@@ -10,14 +10,8 @@ import stilb
 from stilb.upload import Width
 from tests.support.frames import write_frame
 
-FRAME = {
-    "id": "f-1",
-    "sha256": "0" * 64,
-    "size_bytes": 1,
-    "filename": "a.dng",
-    "state": "received",
-    "job_id": "j-1",
-}
+FRAME = {"id": "f-1", "sha256": "0" * 64, "size_bytes": 1, "filename": "a.dng", "state": "received"}
+FRAME |= {"job_id": "j-1"}
 MEGABYTE = 1 << 20
 
 
@@ -44,13 +38,10 @@ def test_the_bytes_arrive_with_their_hash_and_name(service, client, dng):
 
 def test_a_frame_brings_its_own_region_and_exposure(service, client, dng):
     service.will_answer(FRAME, status=201)
-    client.push(
-        "c-1", dng, role="dark", roi=[(1, 2), (3.5, 2), (3, 8)], exposure_time_s=0.01, f_number=1.7, iso=3200
-    )
-    query = service.asked[0].query
-    assert query["roi"] == "[[1, 2], [3.5, 2], [3, 8]]"
-    assert (query["exposure_time_s"], query["f_number"], query["iso"]) == ("0.01", "1.7", "3200")
-    assert "scene" not in query
+    stated = {"role": "dark", "exposure_time_s": 0.01, "f_number": 1.7, "iso": 3200}
+    client.push("c-1", dng, roi=[(1, 2), (3.5, 2), (3, 8)], **stated)
+    said = {name: str(value) for name, value in stated.items()} | {"filename": dng.name}
+    assert service.asked[0].query == said | {"roi": "[[1, 2], [3.5, 2], [3, 8]]"}
 
 
 def place(offset, **more):
@@ -70,10 +61,8 @@ def test_a_connection_lost_in_mid_upload_goes_on_from_what_has_arrived(service, 
     reports = []
     frame = client.push("c-1", dng, role="light", scene="level-1", on_progress=reports.append)
     _, begun, lost, asked, rest, _ = service.asked
-    said = {
-        name: base64.b64decode(value).decode()
-        for name, value in (pair.split() for pair in begun.headers["upload-metadata"].split(","))
-    }
+    pairs = (pair.split() for pair in begun.headers["upload-metadata"].split(","))
+    said = {name: base64.b64decode(value).decode() for name, value in pairs}
     sha256 = hashlib.sha256(dng.read_bytes()).hexdigest()
     named = {"role": "light", "scene": "level-1", "filename": dng.name}
     assert said == {"campaign_id": "c-1", "sha256": sha256} | named
@@ -93,12 +82,9 @@ def test_an_upload_that_comes_no_further_ends(service, dng):
         service.will_answer(cut_after=10)
         service.will_answer(**place(10))
     pauses_s = []
-    with (
-        stilb.Client(
-            service.url, "k", retries=8, backoff_s=0.001, on_retry=lambda _, pause_s: pauses_s.append(pause_s)
-        ) as client,
-        pytest.raises(stilb.Problem, match="does not answer"),
-    ):
+    settings = {"retries": 8, "backoff_s": 0.001, "on_retry": lambda _, pause_s: pauses_s.append(pause_s)}
+    given_up = pytest.raises(stilb.Problem, match="does not answer")
+    with stilb.Client(service.url, "k", **settings) as client, given_up:
         client.push("c-1", dng, role="light")
     assert len(pauses_s) == 10
     # who has been answered again does not wait as long as for a service that is away
@@ -116,13 +102,8 @@ def test_pieces_get_smaller_behind_a_proxy_that_holds_them_back(service, client,
     service.will_answer(status=204, **place(size, **DONE))
     service.will_answer(FRAME)
     client.push("c-1", dng, role="light")
-    pieces = [asked for asked in service.asked if asked.method == "PATCH"]
-    assert [int(asked.headers["content-length"]) for asked in pieces] == [
-        size,
-        size // 4,
-        size // 16,
-        size // 8,
-    ]
+    pieces = [int(each.headers["content-length"]) for each in service.asked if each.method == "PATCH"]
+    assert pieces == [size, size // 4, size // 16, size // 8]
 
 
 def test_a_refusal_in_mid_upload_is_heard(service, client, dng):
@@ -132,26 +113,16 @@ def test_a_refusal_in_mid_upload_is_heard(service, client, dng):
     assert found.value.__notes__ == [f"while sending {dng}"]
 
 
-def test_several_files_share_role_and_scene(service, client, tmp_path):
-    paths = [tmp_path / f"{index}.dng" for index in range(3)]
+def test_several_files_share_role_and_scene_and_are_counted_together(service, client, tmp_path):
+    paths = [tmp_path / f"{index}.dng" for index in range(6)]
     for path in paths:
-        path.write_bytes(path.name.encode())
-        service.will_answer(FRAME, status=201)
-    frames = client.push("c-1", paths, role="dark", scene="off")
-    assert len(frames) == 3
-    assert {asked.query["filename"] for asked in service.asked} == {"0.dng", "1.dng", "2.dng"}
-    assert {asked.query["role"] for asked in service.asked} == {"dark"}
-
-
-def test_push_all_counts_over_all_files(service, client, tmp_path):
-    uploads = []
-    for index in range(6):
-        path = tmp_path / f"{index}.dng"
         path.write_bytes(bytes(100))
-        uploads.append(stilb.Upload(campaign_id="c-1", path=path, role="light", scene=f"level-{index}"))
         service.will_answer(FRAME, status=201)
     reports = []
-    client.push_all(uploads, concurrency=3, on_progress=reports.append)
+    frames = client.push("c-1", paths, role="dark", scene="off", on_progress=reports.append)
+    assert len(frames) == 6
+    asked = {(each.query["filename"], each.query["role"], each.query["scene"]) for each in service.asked}
+    assert asked == {(path.name, "dark", "off") for path in paths}
     assert [report.files_done for report in reports] == sorted(report.files_done for report in reports)
     assert reports[-1] == stilb.Progress(
         filename=reports[-1].filename, files_done=6, files_total=6, bytes_sent=600, bytes_total=600
@@ -159,21 +130,23 @@ def test_push_all_counts_over_all_files(service, client, tmp_path):
 
 
 def test_the_same_file_twice_is_two_uploads(service, client, dng):
+    """Whose hash is known is not read again."""
     for _ in range(2):
         service.will_answer(FRAME, status=200)
-    one = stilb.Upload(campaign_id="c-1", path=dng, role="light")
     reports = []
+    one = stilb.Upload(campaign_id="c-1", path=dng, role="light", sha256="a" * 64)
     assert len(client.push_all([one, one], on_progress=reports.append)) == 2
     assert reports[-1].bytes_sent == reports[-1].bytes_total == 2 * dng.stat().st_size
+    assert {asked.headers["x-content-sha256"] for asked in service.asked} == {"a" * 64}
+    assert client.push_all([]) == []
 
 
 def test_the_first_failure_stops_the_rest(service, client, dng):
     service.will_refuse(422, "not_a_raw_file")
-    one = stilb.Upload(campaign_id="c-1", path=dng, role="light")
     for _ in range(100):
         service.will_answer(FRAME)
     with pytest.raises(stilb.Problem, match="not_a_raw_file"):
-        client.push_all([one] * 100)
+        client.push("c-1", [dng] * 100, role="light")
     # some are under way by then, the more the slower the machine
     assert service.unsaid > 50
 
@@ -211,10 +184,6 @@ def test_small_files_widen_a_quick_line_alone():
     assert fill(large) == 3
     width.end(large, 0.1)
     assert fill(1) == 1
-
-
-def test_nothing_to_push_is_no_error(client):
-    assert client.push_all([]) == []
 
 
 def test_a_large_file_is_never_in_memory(service, client, tmp_path):
@@ -264,9 +233,3 @@ def test_what_concerns_every_file_is_raised(service, client, dng, status):
     uploads = [stilb.Upload(campaign_id="c-1", path=dng, role="light")] * 2
     with pytest.raises(stilb.Problem, match="no_more"):
         client.push_each(uploads, concurrency=1)
-
-
-def test_a_hash_that_is_known_is_not_read_again(service, client, dng):
-    service.will_answer(FRAME, status=201)
-    client.push_all([stilb.Upload(campaign_id="c-1", path=dng, role="light", sha256="a" * 64)])
-    assert service.asked[0].headers["x-content-sha256"] == "a" * 64

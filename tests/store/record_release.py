@@ -21,7 +21,6 @@ from tests.support.measuring import measure
 
 
 def record(folder: Path) -> dict[str, object]:
-    """Return the rows and answers of this version's code."""
     database = Database(f"sqlite:///{folder / 'release.sqlite'}")
     migrate(database)
     with House(database, folder) as house:

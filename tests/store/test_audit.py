@@ -54,9 +54,8 @@ def test_a_key_is_audited_without_its_hash(database):
         organisation = Organisation(name="house")
         session.add(organisation)
         session.flush()
-        key = create_key(
-            session, organisation_id=organisation.id, name="n", scopes=["read"], secret="stilb_secret"
-        )
+        named = {"name": "n", "scopes": ["read"], "secret": "stilb_secret"}
+        key = create_key(session, organisation_id=organisation.id, **named)
     (entry,) = entries(database, key.id)
     assert entry.after["scopes"] == ["read"]
     assert key.sha256 not in str(entry.after)

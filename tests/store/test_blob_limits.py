@@ -21,35 +21,20 @@ def proxy(s3_endpoint):
 
 @pytest.fixture
 def blobs(proxy, s3_bucket, tmp_path):
-    return ObjectBlobs(
-        f"s3://{s3_bucket}",
-        tmp_path,
-        endpoint=f"http://{proxy.address}",
-        retry_for_s=1.0,
-        silence_s=SILENCE_S,
-    )
+    place, through = f"s3://{s3_bucket}", f"http://{proxy.address}"
+    return ObjectBlobs(place, tmp_path, endpoint=through, retry_for_s=1.0, silence_s=SILENCE_S)
 
 
-def test_whether_it_serves_is_known_soon(blobs, proxy):
-    blobs.check()
-    with proxy.being("silent"):
-        began = time.monotonic()
-        with pytest.raises(StorageUnavailable):
-            blobs.check()
-        assert time.monotonic() - began < 60
-    blobs.check()
-
-
-def test_reading_and_writing_end(blobs, proxy):
+def test_whatever_is_asked_of_a_silent_store_ends(blobs, proxy):
     stored = put(blobs, b"before")
+    asked = (blobs.check, lambda: b"".join(blobs.open(stored)), lambda: put(blobs, b"meanwhile"))
     with proxy.being("silent"):
         began = time.monotonic()
-        with pytest.raises(StorageUnavailable):
-            b"".join(blobs.open(stored))
-        with pytest.raises(StorageUnavailable):
-            put(blobs, b"meanwhile")
+        for ask in asked:
+            with pytest.raises(StorageUnavailable):
+                ask()
         assert time.monotonic() - began < 120
-    assert b"".join(blobs.open(stored)) == b"before"
+    assert [ask() for ask in asked[:2]] == [None, b"before"]
     put(blobs, b"meanwhile")
 
 

@@ -10,30 +10,15 @@ from tests.support.campaigns import calibrate, upload_campaign
 pytestmark = pytest.mark.either_database
 
 FROM_THE_VERSION = {
-    "dark_median",
-    "calibration_dark_subtracted",
-    "calibration_rhs",
-    "calibration_plot",
+    *("dark_median", "calibration_dark_subtracted", "calibration_rhs", "calibration_plot"),
     "calibration_regression",
 }
 FROM_THE_FRAMES = {
-    "scenes_levels",
-    "scenes_luminance_readings",
-    "settings_exposure_manual",
-    "settings_format_dng",
-    "shooting_iso_and_apertures",
-    "shooting_every_combination",
-    "shooting_settings_recorded",
-    "extract_polygon",
-    "extract_coordinates",
-    "extract_to_tiff",
-    "extract_imagej_open",
-    "extract_first_image",
-    "extract_script_filled",
-    "extract_script_run",
-    "extract_results_saved",
-    "dark_frames",
-    "dark_extracted",
+    *("scenes_levels", "scenes_luminance_readings", "settings_exposure_manual", "settings_format_dng"),
+    *("shooting_iso_and_apertures", "shooting_every_combination", "shooting_settings_recorded"),
+    *("extract_polygon", "extract_coordinates", "extract_to_tiff", "extract_imagej_open"),
+    *("extract_first_image", "extract_script_filled", "extract_script_run", "extract_results_saved"),
+    *("dark_frames", "dark_extracted"),
 }
 
 
@@ -44,16 +29,17 @@ def read(house, campaign):
     return {item.key: item for item in items}
 
 
-def change(house, campaign, act):
-    with house.database.writing("key_9") as session:
-        act(session, session.get_one(Campaign, campaign["id"]))
+def tick(house, campaign, key, *, by="key_9", done=True, note=None):
+    with house.database.writing(by) as session:
+        set_tick(session, session.get_one(Campaign, campaign["id"]), key, done=done, note=note, by=by)
+    return read(house, campaign)[key]
 
 
 def done(items):
     return {key for key, item in items.items() if item.done_by}
 
 
-def test_the_record_ticks_what_it_proves_and_nothing_else(house):
+def test_the_record_ticks_what_it_proves_and_nothing_else_and_a_person_stands_before_it(house):
     before = utc_now()
     campaign = upload_campaign(house, isos=(3200,))
     assert done(read(house, campaign)) == {"extract_polygon", "extract_coordinates"}
@@ -62,15 +48,19 @@ def test_the_record_ticks_what_it_proves_and_nothing_else(house):
     version = calibrate(house, campaign)
     items = read(house, campaign)
     assert done(items) == FROM_THE_FRAMES | FROM_THE_VERSION
-    for item in items.values():
-        if item.done_by:
-            assert item.done_by == BY_ITSELF
-            assert before <= item.done_at <= utc_now()
+    for key in done(items):
+        assert items[key].done_by == BY_ITSELF
+        assert before <= items[key].done_at <= utc_now()
     k = version["coefficients"][0]
     assert f"ISO 3200: K = {k['value']:.6g} DN*m2/(cd*s)" in items["calibration_regression"].evidence
     assert "the median of 3 frames" in items["dark_median"].evidence
     assert f"Version {version['version']}: signal against RHS" in items["calibration_plot"].evidence
     assert items["general_recorder"].missing == "Not recorded."
+    item = tick(house, campaign, "settings_format_dng", done=False, note="two were renamed")
+    assert (item.done_by, item.done_at, item.note) == (None, None, "two were renamed")
+    assert item.evidence.startswith("Every light and dark frame is a raw DNG: 15 frames (")
+    item = tick(house, campaign, "settings_format_dng")
+    assert (item.done_by, item.note) == ("key_9", "two were renamed")
 
 
 def test_what_is_written_on_the_campaign_is_dated_by_the_audit_trail(house):
@@ -84,38 +74,15 @@ def test_what_is_written_on_the_campaign_is_dated_by_the_audit_trail(house):
     assert items["general_date"].done_by is None
 
 
-def test_a_person_stands_before_the_record(house):
-    campaign = upload_campaign(house, isos=(3200,))
-    house.work()
-    change(
-        house,
-        campaign,
-        lambda s, c: set_tick(s, c, "settings_format_dng", done=False, note="two were renamed", by="key_9"),
-    )
-    item = read(house, campaign)["settings_format_dng"]
-    assert (item.done_by, item.done_at, item.note) == (None, None, "two were renamed")
-    assert item.evidence.startswith("Every light and dark frame is a raw DNG: 15 frames (")
-    change(
-        house, campaign, lambda s, c: set_tick(s, c, "settings_format_dng", done=True, note=None, by="key_9")
-    )
-    item = read(house, campaign)["settings_format_dng"]
-    assert (item.done_by, item.note) == ("key_9", "two were renamed")
-
-
-def test_a_tick_keeps_who_did_it_first_and_when(house):
+def test_a_tick_keeps_who_did_it_first_and_when_and_the_last_signature_stands(house):
     campaign = house.campaign()
-    tick = {"done": True, "note": None}
-    change(house, campaign, lambda s, c: set_tick(s, c, "equipment_lamp", **tick, by="key_1"))
-    first = read(house, campaign)["equipment_lamp"]
-    change(house, campaign, lambda s, c: set_tick(s, c, "equipment_lamp", **tick, by="key_2"))
-    assert read(house, campaign)["equipment_lamp"] == first
+    first = tick(house, campaign, "equipment_lamp", by="key_1")
+    assert tick(house, campaign, "equipment_lamp", by="key_2") == first
     assert first.done_by == "key_1"
-
-
-def test_the_last_signature_stands(house):
-    campaign = house.campaign()
-    for name in ("A. Meier", "B. Schulz"):
-        change(house, campaign, lambda s, c, name=name: sign(s, c, name=name, by="key_9"))
-    with house.database.reading() as session:
-        signature = read_signature(session, session.get_one(Campaign, campaign["id"]))
+    with house.database.writing("key_9") as session:
+        row = session.get_one(Campaign, campaign["id"])
+        for name in ("A. Meier", "B. Schulz"):
+            sign(session, row, name=name, by="key_9")
+            session.flush()
+        signature = read_signature(session, row)
     assert (signature.name, signature.signed_by) == ("B. Schulz", "key_9")

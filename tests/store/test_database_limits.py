@@ -33,10 +33,14 @@ def proxy(url):
         yield proxy
 
 
+def through(proxy, url):
+    name = url.partition("?")[0].rpartition("/")[2]
+    return f"postgresql+psycopg://stilb@{proxy.address}/{name}"
+
+
 @pytest.fixture
 def database(url, proxy):
-    name = url.partition("?")[0].rpartition("/")[2]
-    opened = Database(f"postgresql+psycopg://stilb@{proxy.address}/{name}", answer_within_s=LIMIT_S)
+    opened = Database(through(proxy, url), answer_within_s=LIMIT_S)
     yield opened
     opened.dispose()
 
@@ -47,16 +51,16 @@ def ask(database, statement="SELECT 1"):
 
 
 def test_a_server_that_falls_silent_is_given_up_and_connected_to_anew(database, proxy):
+    """As it is asked, when it is connected to, and within a transaction."""
     assert ask(database) == 1
     with proxy.being("silent"):
         began = time.monotonic()
         with pytest.raises(OperationalError):
             ask(database)
+        with pytest.raises(OperationalError, match="timeout"):
+            ask(database)
         assert time.monotonic() - began < 120
     assert ask(database) == 1
-
-
-def test_a_server_that_falls_silent_within_a_transaction(database, proxy):
     with database.reading() as session:
         session.execute(text("SELECT 1"))
         with proxy.being("silent"), pytest.raises(OperationalError, match="no answer within"):
@@ -84,31 +88,23 @@ def test_what_an_event_loop_asks_ends_with_what_fails(database, proxy):
     asyncio.run(ask_all())
 
 
-def test_a_server_that_never_answers_a_connection(database, proxy):
-    with proxy.being("silent"), pytest.raises(OperationalError, match="timeout"):
-        ask(database)
-    assert ask(database) == 1
-
-
 def test_a_statement_that_takes_too_long_is_ended_by_the_server(database):
     with pytest.raises(OperationalError, match="statement timeout"):
         ask(database, "SELECT pg_sleep(20)")
     assert ask(database) == 1
 
 
-def test_an_answer_that_comes_slowly_is_no_silence(url):
+def test_an_answer_that_comes_slowly_is_no_silence(url, proxy):
     """Rows that keep coming for longer than the limit of silence are read to the end."""
-    with Proxy(Path(url.partition("?host=")[2]) / ".s.PGSQL.5432") as proxy:
-        name = url.partition("?")[0].rpartition("/")[2]
-        address = f"postgresql+psycopg://stilb@{proxy.address}/{name}?options=-c%20statement_timeout=0"
-        database = Database(address, answer_within_s=0.1)
-        ask(database)
-        proxy.become("slow")
-        with database.reading() as session:
-            began = time.monotonic()
-            rows = session.execute(text("SELECT repeat('x', 100000) FROM generate_series(1, 12)")).all()
-            assert (len(rows), time.monotonic() - began > 2.2) == (12, True)
-        database.dispose()
+    address = f"{through(proxy, url)}?options=-c%20statement_timeout=0"
+    database = Database(address, answer_within_s=0.1)
+    ask(database)
+    proxy.become("slow")
+    with database.reading() as session:
+        began = time.monotonic()
+        rows = session.execute(text("SELECT repeat('x', 100000) FROM generate_series(1, 12)")).all()
+        assert (len(rows), time.monotonic() - began > 2.2) == (12, True)
+    database.dispose()
 
 
 def test_a_lock_is_not_waited_for_for_long(database, url):

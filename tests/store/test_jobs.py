@@ -32,14 +32,8 @@ def job_id(database, organisation_id):
 
 def add(database, organisation_id, subject="frm_1", **parameters):
     with database.writing("test") as session:
-        return jobs.enqueue(
-            session,
-            kind="extract",
-            subject_id=subject,
-            organisation_id=organisation_id,
-            by="test",
-            parameters=parameters,
-        ).id
+        asked = {"kind": "extract", "subject_id": subject, "by": "test", "parameters": parameters}
+        return jobs.enqueue(session, organisation_id=organisation_id, **asked).id
 
 
 def claim(database, lease_s=30.0, job_id=None):
@@ -56,9 +50,17 @@ def state(database, job_id):
 
 def expire(database, job_id):
     with database.writing("test") as session:
-        session.execute(
-            update(Job).where(Job.id == job_id).values(lease_until=utc_now() - timedelta(seconds=1))
-        )
+        session.get_one(Job, job_id).lease_until = utc_now() - timedelta(seconds=1)
+
+
+def retry(database, job_id):
+    with database.writing("test") as session:
+        return jobs.retry(session, Job.id == job_id)
+
+
+def check_that_it_stores_nothing(database, claim):
+    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
+        jobs.succeed(session, claim, {"by": "somebody else"})
 
 
 def sweep(database):
@@ -105,12 +107,11 @@ def test_a_cancelled_job_stores_nothing_and_may_be_tried_again(database, job_id)
     held = claim(database)
     with database.writing("test") as session:
         jobs.cancel(session, job_id)
-    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
-        jobs.succeed(session, held, {})
+    check_that_it_stores_nothing(database, held)
     found = state(database, job_id)
     assert (found.state, found.error["code"]) == ("failed", "job_cancelled")
+    assert retry(database, job_id) == 1
     with database.writing("test") as session:
-        assert jobs.retry(session, Job.id == job_id) == 1
         session.execute(update(Job).values(state="succeeded"))
         jobs.cancel(session, job_id)
     assert state(database, job_id).state == "succeeded"
@@ -125,8 +126,7 @@ def test_what_a_stopped_worker_held_is_given_back_as_if_it_had_not_begun(databas
     assert (found.state, found.attempt, found.lost, found.lease_until) == ("queued", 0, 0, None)
     second = claim(database)
     assert (second.job_id, second.attempt, second.fence) == (first.job_id, 1, first.fence + 1)
-    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
-        jobs.succeed(session, first, {})
+    check_that_it_stores_nothing(database, first)
 
 
 def test_who_lost_the_lease_can_store_nothing(database, job_id):
@@ -135,8 +135,7 @@ def test_who_lost_the_lease_can_store_nothing(database, job_id):
     assert sweep(database) == 1
     second = claim(database)
     assert second.fence > first.fence
-    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
-        jobs.succeed(session, first, {"by": "first"})
+    check_that_it_stores_nothing(database, first)
     with database.writing("test") as session:
         jobs.succeed(session, second, {"by": "second"})
     assert state(database, job_id).result == {"by": "second"}
@@ -205,8 +204,7 @@ def test_a_passing_fault_that_lasts_for_a_day_is_failed_and_may_be_tried_again(d
     error = state(database, job_id).error
     assert (error["code"], error["retryable"]) == ("temporarily_unavailable", True)
     assert "for a day" in error["detail"]
-    with database.writing("test") as session:
-        assert jobs.retry(session, Job.id == job_id) == 1
+    assert retry(database, job_id) == 1
     fault(database, claim(database))
     assert state(database, job_id).state == "queued"
 
@@ -232,9 +230,8 @@ def test_the_oldest_wait_of_all_and_of_one_organisation(database, organisation_i
         other = Organisation(name="another")
         session.add(other)
         session.flush()
-        jobs.enqueue(
-            session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
-        )
+        asked = {"kind": "fit", "subject_id": "cmp_1", "by": "test", "parameters": {}}
+        jobs.enqueue(session, organisation_id=other.id, **asked)
         session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
         assert 90 <= oldest_wait_s(session) < 180
         assert 90 <= oldest_wait_s(session, organisation_id) < 180
@@ -245,8 +242,7 @@ def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
     held = claim(database)
     with database.writing("test") as session:
         jobs.fail(session, held, {"code": "internal_error", "detail": "x", "retryable": False}, "Traceback")
-    with database.writing("test") as session:
-        assert jobs.retry(session, Job.id == job_id) == 1
+    assert retry(database, job_id) == 1
     renewed = state(database, job_id)
     assert (renewed.state, renewed.attempt, renewed.lost, renewed.error) == ("queued", 0, 0, None)
     assert (renewed.traceback, renewed.finished_at) == (None, None)
@@ -255,15 +251,12 @@ def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
 
 
 def test_a_job_that_goes_on_or_is_done_is_not_tried_again(database, job_id):
-    held = None
-    for stands in ("queued", "running", "succeeded"):
-        if stands == "running":
-            held = claim(database)
-        with database.writing("test") as session:
-            if stands == "succeeded":
-                jobs.succeed(session, held, {})
-            assert jobs.retry(session, Job.id == job_id) == 0
-        assert state(database, job_id).state == stands
+    assert (retry(database, job_id), state(database, job_id).state) == (0, "queued")
+    held = claim(database)
+    assert (retry(database, job_id), state(database, job_id).state) == (0, "running")
+    with database.writing("test") as session:
+        jobs.succeed(session, held, {})
+    assert (retry(database, job_id), state(database, job_id).state) == (0, "succeeded")
 
 
 @pytest.mark.parametrize("few", [500, -1])

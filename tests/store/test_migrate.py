@@ -1,6 +1,5 @@
 """Migrations go up and down on both databases, and end where the tables say."""
 
-import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.__main__ import found
 from store.database import Database, SchemaDiffers
-from store.migrate import alembic_config, find_difference, migrate
+from store.migrate import alembic_config, find_difference, main, migrate
 from store.publications import publish
 from store.software import own_schema
 from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
@@ -61,26 +60,30 @@ def test_a_check_tells_another_schema_and_a_newer_one_is_left_alone(empty):
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
 
 
-def test_the_console_commands_check_and_show_the_schema(tmp_path):
-    """In processes: `alembic` reads its settings from the checkout, and neither makes a database to check."""
+def test_the_console_commands_check_and_show_the_schema(tmp_path, monkeypatch, capsys):
+    """`alembic` reads its settings from the checkout; nothing makes a database to check it."""
     path = tmp_path / "stilb.sqlite"
-    environment = os.environ | {"STILB_DATABASE_URL": f"sqlite:///{path}", "STILB_DATA": str(tmp_path)}
+    monkeypatch.setenv("STILB_DATABASE_URL", f"sqlite:///{path}")
+    monkeypatch.setenv("STILB_DATA", str(tmp_path))
 
-    def run(*module):
-        command = [sys.executable, "-m", *module]
-        done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60, check=False
-        )
-        return done.returncode, done.stdout, done.stderr
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["migrate", *arguments])
+        return main(), *capsys.readouterr()
 
-    code, _, said = run("store.migrate", "--check")
+    code, _, said = run("--check")
     assert (code, "there is no database" in said, path.exists()) == (1, True, False)
-    assert run("store.migrate")[0] == 0
-    assert run("store.migrate", "--check") == (0, "", "")
-    code, said, _ = run("alembic", "current")
+    assert run()[0] == 0
+    assert run("--check") == (0, "", "")
+
+    def ask_alembic(*words):
+        command = [sys.executable, "-m", "alembic", *words]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    code, said = ask_alembic("current")
     assert (code, f"{own_schema()} (head)" in said) == (0, True)
-    code, said, also = run("alembic", "downgrade", "-1")
-    assert (code, "stilb-server migrate" in said + also) == (255, True)
+    code, said = ask_alembic("downgrade", "-1")
+    assert (code, "stilb-server migrate" in said) == (255, True)
 
 
 def test_kinds_of_campaigns_are_kept_and_no_other_is_taken(database):

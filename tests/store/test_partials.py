@@ -8,15 +8,8 @@ import pytest
 from store.blobs import StorageUnavailable
 from store.blobs.partials import _STATE, LASTS_S, Facts, OtherOffset, Partials, Superseded
 
-FACTS = Facts(
-    organisation_id="org_1",
-    key_id="key_1",
-    campaign_id="cmp_1",
-    size_bytes=6,
-    sha256="0" * 64,
-    said={"role": "light"},
-    expires_at=2e10,
-)
+OWNED = {"organisation_id": "org_1", "key_id": "key_1", "campaign_id": "cmp_1"}
+FACTS = Facts(**OWNED, size_bytes=6, sha256="0" * 64, said={"role": "light"}, expires_at=2e10)
 
 
 @pytest.fixture
@@ -94,6 +87,7 @@ def test_one_token_is_one_upload_until_it_is_a_frame(partials):
     assert partials.begin("token", FACTS).read_offset() == 6
     first.become("frm_1")
     assert partials.find("token", "org_1").read_facts().frame_id == "frm_1"
+    assert partials.find("token", "org_2") is None
     assert (partials.count("org_1"), partials.begin("token", FACTS).read_offset()) == (0, 0)
     assert [facts.size_bytes for facts in partials.list_facts("org_1")] == [6]
 
@@ -106,11 +100,6 @@ def test_what_has_expired_is_not_found_and_is_swept(partials, monkeypatch):
     monkeypatch.setattr("time.time", lambda: FACTS.expires_at + LASTS_S)
     assert partials.find("under way", "org_1") is None
     assert (partials.sweep(), partials.sweep(), partials.count("org_1")) == (2, 0, 0)
-
-
-def test_what_another_organisation_has_begun_is_not_found(partials):
-    partials.begin("token", FACTS)
-    assert partials.find("token", "org_2") is None
 
 
 def test_who_reads_while_it_becomes_a_frame_reads_one_state_or_the_other(partials, monkeypatch):

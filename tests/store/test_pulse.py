@@ -58,10 +58,8 @@ def test_what_hangs_is_killed_and_what_was_paused_is_not(tmp_path):
 
 def test_the_health_check_of_a_container(tmp_path):
     (tmp_path / "limit").write_text("2.5\n")
-    environment = {
-        "STILB_PULSE": str(tmp_path / "pulse"),
-        "STILB_DATABASE_TIMEOUT_S_FILE": str(tmp_path / "limit"),
-    }
+    environment = {"STILB_PULSE": str(tmp_path / "pulse")}
+    environment["STILB_DATABASE_TIMEOUT_S_FILE"] = str(tmp_path / "limit")
 
     def check(*arguments):
         command = [sys.executable, "-m", "store.pulse", *arguments]

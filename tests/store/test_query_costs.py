@@ -28,7 +28,6 @@ INDEXES = {
 
 @contextmanager
 def statements(database):
-    """Collect what is executed, with its parameters."""
     found = []
 
     def note(_connection, _cursor, statement, parameters, _context, _many):

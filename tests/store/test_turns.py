@@ -13,7 +13,7 @@ from store.jobs import Dependency
 from store.jobs.queues import LANES, QUEUES, WINDOW, touch, unsend_lost
 from store.tables import Job, Organisation, Turn, utc_now
 
-CARD = 300
+CARD = 10 * WINDOW
 _NUMBERS = count()
 
 
@@ -66,7 +66,7 @@ def sweep(database):
 
 
 def test_one_frame_beside_a_card_waits_for_no_more_than_the_window(database, post):
-    big, *others = organisations(database, 7)
+    big, *others = organisations(database, 4)
     add(database, big, times=CARD)
     for other in others:
         add(database, other)
@@ -94,12 +94,12 @@ def test_the_broker_never_has_more_than_the_window(database, post):
 
 def test_whoever_brings_whatever_whenever_nobody_waits_longer_than_a_round(database, post):
     chance = random.Random(1)
-    everybody = organisations(database, 20)
+    everybody = organisations(database, 10)
     waiting, waited = Counter(), Counter()
     for organisation in everybody[:3]:
-        add(database, organisation, times=40)
-        waiting[organisation] += 40
-    for _ in range(100):
+        add(database, organisation, times=20)
+        waiting[organisation] += 20
+    for _ in range(60):
         if chance.random() < 0.4:
             newcomer = chance.choice(everybody)
             add(database, newcomer, lane=chance.choice(["extract", "renewal"]))

@@ -9,27 +9,34 @@ from store import jobs
 from store.tables import Job, Organisation, utc_now
 from worker.upkeep import ClockWatch, mend_times
 
+pytestmark = pytest.mark.usefixtures("job")
 LEASE_S = 30.0
 HOUR = timedelta(hours=1)
 
 
 @pytest.fixture
-def job_id(database):
+def job(database):
+    """Reads the one job that there is."""
+    owner = {"organisation_id": "org_1", "by": "test"}
     with database.writing("test") as session:
         session.add(Organisation(id="org_1", name="house"))
         session.flush()
-        return jobs.enqueue(
-            session, kind="fit", subject_id="cmp_1", organisation_id="org_1", by="test", parameters={}
-        ).id
+        jobs.enqueue(session, kind="fit", subject_id="cmp_1", parameters={}, **owner)
+
+    def read():
+        with database.reading() as session:
+            return session.query(Job).one()
+
+    return read
 
 
 def set_clock(database, by):
     """What is written down already moves the other way."""
     with database.writing("test") as session:
-        job = session.query(Job).one()
-        for name in ("due_at", "lease_until"):
-            if getattr(job, name, None) is not None:
-                session.execute(update(Job).values({name: getattr(job, name) - by}))
+        row = session.query(Job).one()
+        row.due_at -= by
+        if row.lease_until:
+            row.lease_until -= by
 
 
 def sweep(database, *, jumped=False):
@@ -43,12 +50,6 @@ def claim(database):
         return jobs.begin(session, session.query(Job).one().id, lease_s=LEASE_S)
 
 
-def job(database):
-    with database.reading() as session:
-        return session.query(Job).one()
-
-
-@pytest.mark.usefixtures("job_id")
 def test_a_job_that_waits_is_due_at_once_when_the_clock_is_set_back(database):
     set_clock(database, -HOUR)
     assert claim(database) is None
@@ -56,42 +57,38 @@ def test_a_job_that_waits_is_due_at_once_when_the_clock_is_set_back(database):
     assert claim(database) is not None
 
 
-@pytest.mark.usefixtures("job_id")
-def test_a_pause_that_a_rule_set_is_kept(database):
+def test_a_pause_that_a_rule_set_is_kept(database, job):
     later = utc_now() + timedelta(seconds=60)
     with database.writing("test") as session:
         session.execute(update(Job).values(due_at=later))
     sweep(database)
-    assert job(database).due_at == later
+    assert job().due_at == later
 
 
-@pytest.mark.usefixtures("job_id")
-def test_the_lease_of_a_dead_worker_ends_in_time_when_the_clock_is_set_back(database):
+def test_the_lease_of_a_dead_worker_ends_in_time_when_the_clock_is_set_back(database, job):
     claim(database)
     set_clock(database, -HOUR)
     sweep(database)
-    found = job(database)
+    found = job()
     # Not taken from it: if it lives, it renews it.
     assert found.state == "running"
     assert found.lease_until <= utc_now() + timedelta(seconds=LEASE_S)
 
 
-@pytest.mark.usefixtures("job_id")
-def test_a_living_worker_keeps_its_job_when_the_clock_is_set_forward(database):
+def test_a_living_worker_keeps_its_job_when_the_clock_is_set_forward(database, job):
     held = claim(database)
     set_clock(database, HOUR)
     sweep(database, jumped=True)
-    assert (job(database).state, job(database).lost) == ("running", 0)
+    assert (job().state, job().lost) == ("running", 0)
     with database.writing("test") as session:
         jobs.succeed(session, held, {})
 
 
-@pytest.mark.usefixtures("job_id")
-def test_a_lease_that_ended_by_a_clock_that_was_not_set_is_taken_back(database):
+def test_a_lease_that_ended_by_a_clock_that_was_not_set_is_taken_back(database, job):
     claim(database)
     set_clock(database, HOUR)
     sweep(database)
-    assert (job(database).state, job(database).lost) == ("queued", 1)
+    assert (job().state, job().lost) == ("queued", 1)
 
 
 def test_only_a_jump_is_one():

@@ -56,7 +56,6 @@ class Worker:
         return found
 
     def pool(self):
-        """The pids of its pool, and of the decoders' zygote."""
         found = {pid: "worker.decode" in command(pid) for pid in children(self.process.pid)}
         return [pid for pid in found if not found[pid]], [pid for pid in found if found[pid]]
 
@@ -130,13 +129,6 @@ def test_the_tools_of_celery_see_the_work(worker):
     assert "stilb.extract" in told
 
 
-def test_a_worker_grows_and_shrinks_with_its_work(house):
-    with working(house, "--autoscale", "3,1") as worker, worker.decoders_stopped():
-        for _ in range(3):
-            worker.upload()
-        wait_for(lambda: len(worker.inspect("active")) == 3)
-
-
 def test_a_revoked_job_has_failed_and_may_be_tried_again(worker):
     with worker.decoders_stopped():
         job_id = worker.upload()
@@ -146,10 +138,16 @@ def test_a_revoked_job_has_failed_and_may_be_tried_again(worker):
         assert (revoked.state, revoked.error["code"], revoked.lost) == ("failed", "job_cancelled", 0)
 
 
-def test_a_job_beyond_its_time_limit_is_lost_with_its_process(house):
-    with working(house, app="tests.worker.impatient") as worker, worker.decoders_stopped():
-        job_id = worker.upload()
-        wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
+def test_a_worker_grows_with_its_work_and_gives_back_what_does_not_end_within_the_grace(house):
+    with working(house, "--autoscale", "3,1", STILB_STOP_GRACE_S="0.3") as worker, worker.decoders_stopped():
+        jobs = [worker.upload() for _ in range(3)]
+        wait_for(lambda: len(worker.inspect("active")) == 3)
+        worker.process.send_signal(signal.SIGTERM)
+        assert worker.process.wait() == 0
+        for job in map(worker.job, jobs):
+            assert (job.state, job.attempt, job.lost, job.lease_until) == ("queued", 0, 0, None)
+        assert worker.broker.llen("frames") >= 1
+        assert "Traceback" not in worker.log.read_text()
 
 
 def test_the_job_of_a_killed_pool_process_begins_again_at_once(worker):
@@ -162,40 +160,25 @@ def test_the_job_of_a_killed_pool_process_begins_again_at_once(worker):
     assert worker.wait_for_job(job_id, *FINAL_STATES).state == "succeeded"
 
 
-def test_a_stop_waits_for_the_job_that_runs(house):
-    with working(house) as worker:
+def test_a_lost_job_a_broker_that_went_and_a_schema_that_is_changed_under_a_worker(house):
+    with working(house, app="tests.worker.impatient") as worker:
         with worker.decoders_stopped():
             job_id = worker.upload()
-            worker.wait_for_job(job_id, "running")
-            worker.process.send_signal(signal.SIGTERM)
-        assert worker.process.wait() == 0
-        assert worker.job(job_id).state == "succeeded"
-        assert "Traceback" not in worker.log.read_text()
-
-
-def test_what_does_not_end_within_the_grace_is_given_back(house):
-    with working(house, STILB_STOP_GRACE_S="0.3") as worker, worker.decoders_stopped():
-        job_id = worker.upload()
-        worker.wait_for_job(job_id, "running")
-        worker.process.send_signal(signal.SIGTERM)
-        assert worker.process.wait() == 0
-        job = worker.job(job_id)
-        assert (job.state, job.attempt, job.lost, job.lease_until) == ("queued", 0, 0, None)
-        assert worker.broker.llen("frames") >= 1
-        assert "Traceback" not in worker.log.read_text()
-
-
-def test_a_worker_ends_when_the_schema_is_changed_under_it(house):
-    with working(house) as worker:
+            wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
+        worker.wait_for_job(job_id, *FINAL_STATES)
+        before = len(worker.log.read_text())
+        worker.valkey.kill()
+        for said in ("Connection to broker lost", "Cannot connect"):
+            wait_for(lambda said=said: said in worker.log.read_text()[before:])
         with house.database.reading() as session:
             session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
             session.commit()
         assert worker.process.wait() == OTHER_SCHEMA_EXIT
         assert "schema 9999" in worker.log.read_text()
-        assert "Traceback" not in worker.log.read_text()
+        assert "Traceback" not in worker.log.read_text()[before:]
 
 
-def test_a_broker_that_froze_is_connected_anew_and_one_that_went_leaves_no_traceback(house):
+def test_a_broker_that_froze_is_connected_anew_and_a_stop_waits_for_the_job_that_runs(house):
     """It froze as a job ended, whose acknowledgement timed out: Celery alone would hold its place."""
     with working(house) as worker:
         with worker.decoders_stopped():
@@ -209,9 +192,12 @@ def test_a_broker_that_froze_is_connected_anew_and_one_that_went_leaves_no_trace
         worker.valkey.send_signal(signal.SIGCONT)
         assert worker.wait_for_job(second, "succeeded").attempt == 1
         before = len(worker.log.read_text())
-        worker.valkey.kill()
-        wait_for(lambda: "Connection to broker lost" in worker.log.read_text()[before:])
-        wait_for(lambda: "Cannot connect" in worker.log.read_text()[before:])
+        with worker.decoders_stopped():
+            third = worker.upload()
+            worker.wait_for_job(third, "running")
+            worker.process.send_signal(signal.SIGTERM)
+        assert worker.process.wait() == 0
+        assert worker.job(third).state == "succeeded"
         assert "Traceback" not in worker.log.read_text()[before:]
 
 

@@ -45,9 +45,12 @@ def job(house, frame):
     return house.get(f"/v1/jobs/{frame['job_id']}")
 
 
-def work(house, context=None):
-    """Do the one job that is due."""
-    return run(context or house.worker, house.next_job())
+def work(house, decoders=None):
+    """Do the one job that is due, where a file makes its decoder raise an error."""
+    if isinstance(decoders, Exception):
+        decoders = Decoders(decoders)
+    context = replace(house.worker, decoders=decoders) if decoders else house.worker
+    return run(context, house.next_job())
 
 
 def test_ten_who_look_for_the_same_job_at_once_do_it_once(house, uploaded):
@@ -63,8 +66,7 @@ def test_ten_who_look_for_the_same_job_at_once_do_it_once(house, uploaded):
 
 
 def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(house, uploaded):
-    crash = DecoderCrashed("reading the header", "signal 11")
-    work(house, replace(house.worker, decoders=Decoders(crash)))
+    work(house, DecoderCrashed("reading the header", "signal 11"))
     assert job(house, uploaded)["error"]["code"] == "decoder_crashed"
     frame = house.get(f"/v1/frames/{uploaded['id']}")
     assert (frame["state"], frame["refusal"]["code"]) == ("refused", "decoder_crashed")
@@ -76,30 +78,26 @@ def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(h
 def test_a_decoder_that_ends_over_a_file_which_the_disk_spoilt_blames_the_disk(house, uploaded):
     """A mapped page that cannot be read ends a process by SIGBUS, as a hostile file may."""
     zero(house.folder, uploaded["sha256"], first=900, count=2000)
-    work(house, replace(house.worker, decoders=Decoders(DecoderCrashed("reading a window", "signal 7"))))
+    work(house, DecoderCrashed("reading a window", "signal 7"))
     assert job(house, uploaded)["error"]["code"] == "stored_file_damaged"
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_a_frame_whose_decoder_was_killed_is_never_refused(house, uploaded):
-    killed = replace(house.worker, decoders=Decoders(DecoderKilled("read_header", "ended by SIGKILL")))
+    killed = DecoderKilled("read_header", "ended by SIGKILL")
     work(house, killed)
     assert (job(house, uploaded)["state"], job(house, uploaded)["error"]["retryable"]) == ("queued", True)
     with house.database.writing("test") as session:
-        session.get_one(Job, uploaded["job_id"]).attempt = 4
-        session.get_one(Job, uploaded["job_id"]).due_at = session.get_one(Job, uploaded["job_id"]).created_at
+        waiting = session.get_one(Job, uploaded["job_id"])
+        waiting.attempt, waiting.due_at = 4, waiting.created_at
     work(house, killed)
-    found = job(house, uploaded)
-    assert (found["state"], found["error"]["code"], found["error"]["retryable"]) == (
-        "failed",
-        "decoder_crashed",
-        True,
-    )
+    found, error = job(house, uploaded), job(house, uploaded)["error"]
+    assert (found["state"], error["code"], error["retryable"]) == ("failed", "decoder_crashed", True)
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_a_passing_fault_is_tried_again(house, uploaded):
-    ended = work(house, replace(house.worker, decoders=Decoders(StorageUnavailable("away"))))
+    ended = work(house, StorageUnavailable("away"))
     assert (ended["state"], ended["waits_for"]) == ("queued", "blobs")
     found = job(house, uploaded)
     assert (found["state"], found["error"]["retryable"]) == ("queued", True)
@@ -107,7 +105,7 @@ def test_a_passing_fault_is_tried_again(house, uploaded):
 
 
 def test_our_own_fault_fails_with_its_traceback_kept_and_not_shown(house, uploaded):
-    work(house, replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))))
+    work(house, ZeroDivisionError("ours"))
     found = job(house, uploaded)
     assert (found["state"], found["error"]["code"]) == ("failed", "internal_error")
     assert "ZeroDivisionError" not in str(found)
@@ -128,7 +126,7 @@ def test_a_worker_whose_job_was_given_away_stores_nothing(house, uploaded):
         def __getattr__(self, name):
             return getattr(house.worker.decoders, name)
 
-    assert work(house, replace(house.worker, decoders=Slow(None))) == {"state": "dropped"}
+    assert work(house, Slow(None)) == {"state": "dropped"}
     with house.database.reading() as session:
         assert session.get_one(FrameRow, uploaded["id"]).state == "received"
         assert session.scalar(select(func.count()).select_from(Extraction)) == 0

@@ -80,9 +80,8 @@ def test_a_lost_preview_is_drawn_again_by_itself(house, frames):
     make_scrub(house).do_round()
     assert blob(house, preview).damage == "missing"
     with house.database.reading() as session:
-        assert [job.subject_id for job in session.scalars(select(Job).where(Job.state == "queued"))] == [
-            frames[0]["id"]
-        ]
+        waiting = session.scalars(select(Job.subject_id).where(Job.state == "queued")).all()
+    assert waiting == [frames[0]["id"]]
     house.work()
     assert blob(house, preview).damage is None
     assert house.http.get(f"/v1/frames/{frames[0]['id']}/preview.png").status_code == 200

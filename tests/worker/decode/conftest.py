@@ -10,7 +10,6 @@ def real_files():
 
 @pytest.fixture
 def save(tmp_path):
-    """Writes bytes to a file and returns its path."""
 
     def write(content, name="frame.dng"):
         path = tmp_path / name

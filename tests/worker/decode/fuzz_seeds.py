@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -9,9 +10,9 @@ import imagecodecs
 import numpy as np
 import tifffile
 
-from simulation.dng import BYTE
+from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
 from tests.support.data import FOLDER
-from tests.worker.decode.dng_variants import Variant, black_level, make_dng
+from tests.worker.decode.dng_variants import Variant, black_level, make_dng, opcode_list
 from worker.decode import pictures, tags
 from worker.decode.layout import read_layout
 from worker.decode.tiff import is_tiff, read_directories
@@ -43,12 +44,23 @@ def make_seeds() -> list[Seed]:
 
 
 def find_real_seeds() -> list[Seed]:
-    """The real files, where there are any."""
     paths = [FOLDER / name for name in REAL]
     paths += [
         path for folder in REAL_FOLDERS for path in sorted((FOLDER / folder).glob("*.[tT][iI][fF]"))[:1]
     ]
     return [_describe(path.name, path.read_bytes()) for path in paths if path.is_file()]
+
+
+def make_exif() -> bytes:
+    writer = TiffWriter(">")
+    stated = {33434: (RATIONAL, (1, 250)), 33437: (RATIONAL, (56, 10)), 34855: (SHORT, 200)}
+    inner = writer.directory(stated | {42033: (ASCII, "S1")})
+    named = {271: (ASCII, "Make"), 272: (ASCII, "Model"), 34665: (LONG, inner)}
+    return writer.finish(writer.directory(named))
+
+
+def add_segment(jpeg: bytes, marker: int, body: bytes) -> bytes:
+    return jpeg[:2] + struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body + jpeg[2:]
 
 
 def _mosaic(bits: int) -> np.ndarray:
@@ -60,10 +72,12 @@ def _mosaic(bits: int) -> np.ndarray:
 
 def _generate() -> Iterator[tuple[str, bytes]]:
     stated = black_level([BLACK])
+    opcodes = opcode_list((9, bytes(40)), (3, bytes(60)))
     variants = {
         "dng 16 bit": Variant(extra=stated),
         "dng 12 bit": Variant(bits=12, extra=stated),
-        "dng tiles": Variant(tile=(32, 64), order=">", extra=stated),
+        "dng tiles": Variant(tile=(32, 64), order=">", extra=stated | {51009: opcodes}),
+        "dng table": Variant(bits=8, table=tuple(range(0, 2560, 10)), thumbnail=True),
         "dng strips, black 0": Variant(rows_per_strip=16),
         "ljpeg tiles": Variant(compression="ljpeg", bits=12, tile=(32, 64), extra=stated),
         "ljpeg, two tables": Variant(compression="ljpeg", bits=12, components=2, tables=2, extra=stated),
@@ -92,7 +106,9 @@ def _generate() -> Iterator[tuple[str, bytes]]:
             )
             yield f"tiff {compression}{', predictor' if predictor else ''}", target.getvalue()
     yield "png", imagecodecs.png_encode(_mosaic(16))
-    yield "jpeg", imagecodecs.jpeg8_encode(_mosaic(8).astype(np.uint8), level=90)
+    jpeg = imagecodecs.jpeg8_encode(_mosaic(8).astype(np.uint8), level=90)
+    yield "jpeg", jpeg
+    yield "jpeg with exif", add_segment(jpeg, 0xE1, b"Exif\0\0" + make_exif())
 
 
 def _describe(name: str, content: bytes) -> Seed:

@@ -57,7 +57,6 @@ class Decoded:
 
 
 def make_variant(number: int, seeds: list[Seed], real: list[Seed]) -> Variant:
-    """The variant of that number: always the same one."""
     random = np.random.default_rng(number)
     pool = real if real and random.random() < REAL_SHARE else seeds
     seed = pool[random.integers(len(pool))]
@@ -151,8 +150,6 @@ CHANGES: tuple[Callable[[int, Seed, np.random.Generator], Variant], ...] = (
 
 
 class Fuzzer:
-    """Reads variants and sorts what comes out."""
-
     def __init__(self, pool: DecoderPool, folder: Path, seeds: list[Seed], real: list[Seed]) -> None:
         self._pool, self._folder = pool, folder
         self._seeds, self._real = seeds, real
@@ -162,7 +159,6 @@ class Fuzzer:
         self._originals = {seed.name: self._decode(seed.content) for seed in (*seeds, *real)}
 
     def try_one(self, number: int) -> str:
-        """Read one variant, and count it."""
         variant = make_variant(number, self._seeds, self._real)
         began = time.monotonic()
         try:
@@ -196,7 +192,6 @@ class Fuzzer:
         return "" if again == found else "FINDING: the second time it was another image"
 
     def _decode(self, content: bytes) -> Decoded:
-        """What the worker does with a frame."""
         self._read += 1
         path = self._folder / str(self._read)
         path.write_bytes(content)
@@ -222,7 +217,6 @@ def _sort(variant: Variant, found: Decoded, original: Decoded) -> str:
 
 
 def run(*, seconds: float, variants: int, first: int = 0) -> Fuzzer:
-    """Try variants until the time or their number is used up."""
     seeds, real = make_seeds(), find_real_seeds()
     with tempfile.TemporaryDirectory(prefix="stilb-fuzz-") as folder, DecoderPool() as pool:
         fuzzer = Fuzzer(pool, Path(folder), seeds, real)
@@ -235,7 +229,6 @@ def run(*, seconds: float, variants: int, first: int = 0) -> Fuzzer:
 
 
 def describe(fuzzer: Fuzzer) -> str:
-    """The counts, a line a seed, and every finding."""
     names = list(dict.fromkeys(name for name, _ in fuzzer.counts))
     lines = [f"{'seed':<52}" + "".join(f"{outcome:>14}" for outcome in OUTCOMES)]
     for name in [*sorted(names), ""]:
@@ -248,7 +241,6 @@ def describe(fuzzer: Fuzzer) -> str:
 
 
 def main() -> int:
-    """Print what came out; 1 if there was a finding."""
     parser = argparse.ArgumentParser(description="Read damaged files until the time is over.")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--variants", type=int, default=sys.maxsize)

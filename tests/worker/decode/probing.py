@@ -20,6 +20,7 @@ import numpy as np
 from worker.decode import pieces, zygote
 
 LIBC = ctypes.CDLL(None, use_errno=True)
+REFUSED = (OSError, RuntimeError, ValueError, AttributeError, subprocess.SubprocessError)
 CALLS = {
     "ptrace": (101, 0x4206),
     "process_vm_readv": (310, -1),
@@ -91,11 +92,10 @@ def _call(name, pid):
         return LIBC.syscall(number, pid, None, 0, None, 0, 0) >= 0
     if name == "memfd_create":
         return LIBC.syscall(number, b"x", 0) >= 0
-    if name in {"ptrace", "pidfd_open"}:
-        return (
-            LIBC.syscall(number, argument if name == "ptrace" else pid, pid if name == "ptrace" else 0, 0, 0)
-            >= 0
-        )
+    if name == "ptrace":
+        return LIBC.syscall(number, argument, pid, 0, 0) >= 0
+    if name == "pidfd_open":
+        return LIBC.syscall(number, pid, 0, 0, 0) >= 0
     return LIBC.syscall(number, argument, ctypes.create_string_buffer(256), 0, 0, 0) >= 0
 
 
@@ -134,9 +134,7 @@ def probe(world):
     """The names of all that succeeded."""
     found = []
     for name, act in list_probes(world).items():
-        with contextlib.suppress(
-            OSError, RuntimeError, ValueError, AttributeError, subprocess.SubprocessError
-        ):
+        with contextlib.suppress(*REFUSED):
             if act():
                 found.append(name)
     return found

@@ -59,15 +59,8 @@ def test_header_that_cannot_be(change, header):
         answers.check_header({"header": {**header, **change}})
 
 
-FRAME = {
-    "row0": 2,
-    "col0": 4,
-    "height_px": 32,
-    "width_px": 48,
-    "cfa": "RGGB",
-    "black_level_dn": [1.0, 2, 3, 4],
-    "white_level_dn": [9.0] * 4,
-}
+FRAME = {"row0": 2, "col0": 4, "height_px": 32, "width_px": 48, "cfa": "RGGB"}
+FRAME |= {"black_level_dn": [1.0, 2, 3, 4], "white_level_dn": [9.0] * 4}
 
 
 def test_frame_of_the_window_asked_for():

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,8 @@ from radiometry.findings import InputRejected, files
 from simulation.dng import LONG
 from store.sandbox import Restrictions, Sandbox, build_filter
 from tests.support import reader
+from tests.support.processes import alive, wait_until
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import zygote
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderLimits, DecoderPool
 
 SAMPLES = make_samples(64, 96, 14)
@@ -32,12 +33,26 @@ def good(save):
     return save(make_dng(SAMPLES, Variant(bits=14)), "good.dng")
 
 
-@pytest.fixture
-def hostile(monkeypatch):
+@contextmanager
+def obeying():
     """A pool whose cells obey their files."""
     command = [sys.executable, "-s", "-P", "-m", "tests.worker.decode.probing"]
-    monkeypatch.setattr("worker.decode.pool.build_command", lambda _module: command)
     with DecoderPool(DecoderLimits(wall_seconds=1.5)) as pool:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("worker.decode.pool.build_command", lambda _module: command)
+            pool.start()
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def hostile():
+    with obeying() as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with DecoderPool() as pool:
         yield pool
 
 
@@ -58,15 +73,17 @@ def world(tmp_path, monkeypatch):
 
 
 @linux
-def test_a_cell_that_was_taken_over_reaches_nothing(hostile, world, good):
-    if hostile.start().level != "full":
-        pytest.skip("this kernel has no full sandbox")
-    assert world["samples"] in hostile.read_window(good, (0, 0, 64, 96)).samples_dn.tobytes().hex()
+def test_a_cell_that_was_taken_over_reaches_nothing(world, good):
     stored = Path(world["stored"])
     stored.write_bytes(b"PROBE" + json.dumps(world).encode())
     before = stored.read_bytes()
-    with pytest.raises(InputRejected) as caught:
-        hostile.read_header(stored)
+    # started in this environment, which has a secret
+    with obeying() as pool:
+        if pool.start().level != "full":
+            pytest.skip("this kernel has no full sandbox")
+        assert world["samples"] in pool.read_window(good, (0, 0, 64, 96)).samples_dn.tobytes().hex()
+        with pytest.raises(InputRejected) as caught:
+            pool.read_header(stored)
     assert json.loads(caught.value.message) == []
     assert stored.read_bytes() == before
     assert not Path(world["stored"] + ".new").exists()
@@ -83,15 +100,10 @@ def test_the_same_probe_outside_a_cell_reaches_the_world(world):
     done = subprocess.run([sys.executable, "-c", code, json.dumps(world)], capture_output=True, check=True)
     found = set(json.loads(done.stdout))
     usual = {
-        "reads the key",
-        "reads the database",
-        "looks at the database",
-        "has a secret",
-        "connects by TCP",
+        *("reads the key", "reads the database", "looks at the database", "has a secret", "connects by TCP"),
+        *("connects by a path", "runs a shell", "forks", "starts a thread", "writes the stored file"),
+        *("signals the worker", "has itself signalled", "makes memory executable", "moves the worker"),
     }
-    usual |= {"connects by a path", "runs a shell", "forks", "starts a thread", "writes the stored file"}
-    usual |= {"signals the worker", "has itself signalled", "makes memory executable"}
-    usual |= {"moves the worker"}
     assert found >= usual | {"finds another file's samples"}
 
 
@@ -125,15 +137,20 @@ def test_both_architectures_know_the_same_calls():
     assert build_filter("riscv64") == []
 
 
-def test_levels_say_what_lacks():
-    full = Sandbox(no_new_privs=True, landlock=7, seccomp=True)
-    assert (full.level, full.lacks, all(full.parts.values())) == ("full", (), True)
-    old = Sandbox(no_new_privs=True, landlock=1, seccomp=True)
-    assert (old.level, old.lacks, old.parts["landlock_network"]) == ("full", (), False)
-    bare = Sandbox(no_new_privs=True, landlock=0, seccomp=True)
-    assert (bare.level, bare.lacks) == ("seccomp only", ("landlock_files",))
-    assert Sandbox(no_new_privs=False, landlock=0, seccomp=False).level == "none"
-    assert Sandbox(no_new_privs=True, landlock=3, seccomp=False).level == "landlock only"
+@pytest.mark.parametrize(
+    ("parts", "level", "lacks"),
+    [
+        ((True, 7, True), "full", ()),
+        ((True, 1, True), "full", ()),
+        ((True, 0, True), "seccomp only", ("landlock_files",)),
+        ((True, 3, False), "landlock only", ("seccomp",)),
+        ((False, 0, False), "none", ("no_new_privs", "landlock_files", "seccomp")),
+    ],
+)
+def test_levels_say_what_lacks(parts, level, lacks):
+    no_new_privs, landlock, seccomp = parts
+    found = Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=seccomp)
+    assert (found.level, found.lacks, found.parts["landlock_network"]) == (level, lacks, landlock > 3)
 
 
 def test_without_linux_nothing_is_lost_and_nothing_breaks(monkeypatch):
@@ -141,28 +158,22 @@ def test_without_linux_nothing_is_lost_and_nothing_breaks(monkeypatch):
     assert Restrictions().shut_in() == Sandbox(no_new_privs=False, landlock=0, seccomp=False)
 
 
-def test_each_file_has_a_process_of_its_own(good, save):
+def test_each_file_has_a_process_of_its_own_and_waits_for_no_other(pool, good, save):
     other = save(make_dng(SAMPLES[::-1].copy(), Variant(bits=14)), "other.dng")
-    with DecoderPool() as pool:
-        seen = []
-        for path in (good, other, good):
-            with pool.hold(path):
-                pool.read_header(path)
-                first = pool.pids()
-                pool.read_window(path, (0, 0, 16, 16))
-                pool.inspect(path, 40)
-                assert pool.pids() == first
-                seen.append(first[-1])
-            assert pool.pids() == first[:1]
-        assert len(set(seen)) == 3
-
-
-def test_two_files_held_at_once_do_not_wait_for_each_other(good, save):
-    other = save(make_dng(SAMPLES, Variant(bits=14)), "other.dng")
-    with DecoderPool() as pool, pool.hold(good), pool.hold(other):
-        for _ in range(2):
-            pool.read_header(good)
-            pool.read_header(other)
+    seen = []
+    for path in (good, other, good):
+        with pool.hold(path):
+            pool.read_header(path)
+            first = pool.pids()
+            pool.read_window(path, (0, 0, 16, 16))
+            pool.inspect(path, 40)
+            assert pool.pids() == first
+            seen.append(first[-1])
+        assert pool.pids() == first[:1]
+    assert len(set(seen)) == 3
+    with pool.hold(good), pool.hold(other):
+        for path in (good, other, good, other):
+            pool.read_header(path)
         assert len(pool.pids()) == 3
 
 
@@ -185,24 +196,11 @@ for path in map(Path, sys.argv[1:]):
     file.read_window(reader.Window(0, 0, header.height_px, header.width_px))
     file.inspect(1600)
 """
-    paths = [good, real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"]
-    paths += [real_files / "checkerboard" / "left01.jpg"]
-    paths += [real_files / "sequoia" / "IMG_180413_080658_0000_NIR.TIF", real_files / "p4m" / "DJI_0011.TIF"]
-    paths += [real_files / "rededge" / "0000SET_000_IMG_0000_1.tif"]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, paths)],
-        capture_output=True,
-        check=True,
-        timeout=120,
-        text=True,
-    )
+    names = ("dng/blackmagic_bigendian_ljpeg_tiled.dng", "checkerboard/left01.jpg", "p4m/DJI_0011.TIF")
+    names += ("sequoia/IMG_180413_080658_0000_NIR.TIF", "rededge/0000SET_000_IMG_0000_1.tif")
+    command = [sys.executable, "-c", code, good, *(real_files / name for name in names)]
+    done = subprocess.run(command, capture_output=True, check=True, timeout=120, text=True)
     assert done.stdout == ""
-
-
-def test_the_first_file_is_one():
-    content = zygote.make_smallest_dng()
-    zygote.warm_up(content, zygote.make_smallest_stream())
-    assert len(content) < 1000
 
 
 def _kill_when_busy(pool, number, times=1):
@@ -246,20 +244,8 @@ def test_a_cell_killed_twice_says_nothing_of_its_file_and_one_that_crashes_once_
 
 
 def test_a_cell_that_stands_still_is_not_its_files_fault(hostile, save):
-    waits = save(b"WAIT" + bytes(100), "waits")
     with pytest.raises(DecoderKilled, match="stood still"):
-        hostile.read_header(waits)
-
-
-def _wait_until(condition):
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end, "the cell outlives its zygote"
-        time.sleep(0.02)
-
-
-def _is_zombie(pid):
-    return "\nState:\tZ" in Path(f"/proc/{pid}/status").read_text()
+        hostile.read_header(save(b"WAIT" + bytes(100), "waits"))
 
 
 def test_the_zygotes_death_is_nobodys_fault(good):
@@ -267,7 +253,7 @@ def test_the_zygotes_death_is_nobodys_fault(good):
         pool.read_header(good)
         before = pool.pids()
         os.kill(before[0], signal.SIGKILL)
-        _wait_until(lambda: not Path(f"/proc/{before[1]}").exists() or _is_zombie(before[1]))
+        wait_until(lambda: not alive(before[1:]), what="the end of the cell without its zygote")
         assert pool.read_window(good, (0, 0, 16, 16)).samples_dn.shape == (16, 16)
         assert not set(before) & set(pool.pids())
 
@@ -279,12 +265,16 @@ def _without_dng_version(content):
     return content.replace(tag, bytes.fromhex("c611 0001 0000 0004"))
 
 
-def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
+def test_neither_a_clean_cell_nor_a_dirty_process_gives_anything_of_another_file(pool, real_files, save):
     folder = real_files / "dng"
-    undecoded = save(_without_dng_version((folder / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()))
+    names = ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng")
+    undecoded = save(_without_dng_version((folder / names[0]).read_bytes()))
+    with pytest.raises(InputRejected) as caught:
+        pool.inspect(undecoded)
+    assert caught.value.code is files.TRUNCATED
     for _ in range(3):
         # in this very process, whose memory then holds other frames' samples
-        for name in ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng"):
+        for name in names:
             whole = reader.read_header(folder / name)
             held = reader.read_window(folder / name, 0, 0, whole.height_px, whole.width_px).samples_dn.copy()
             del held
@@ -293,21 +283,13 @@ def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
         assert caught.value.code is files.TRUNCATED
 
 
-def test_a_clean_cell_refuses_the_same_file(real_files, save):
-    content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
-    with DecoderPool() as pool, pytest.raises(InputRejected) as caught:
-        pool.inspect(save(_without_dng_version(content)))
-    assert caught.value.code is files.TRUNCATED
-
-
 @pytest.mark.parametrize("compression", [7, 8, 5, 32773])
-def test_a_claim_that_the_file_cannot_back_is_refused_before_anything_is_allocated(save, compression):
+def test_a_claim_that_the_file_cannot_back_is_refused_before_anything_is_allocated(pool, save, compression):
     claims = {256: (LONG, 15_000), 257: (LONG, 16_000), 278: (LONG, 16_000)}
     claims |= {259: (LONG, compression), 279: (LONG, 64)}
     path = save(make_dng(SAMPLES[:16, :16], Variant(extra=claims)))
-    with DecoderPool() as pool:
-        began = time.process_time()
-        with pytest.raises(InputRejected, match="far larger than its data can hold") as caught:
-            pool.read_header(path)
-        assert time.process_time() - began < 5
+    began = time.process_time()
+    with pytest.raises(InputRejected, match="far larger than its data can hold") as caught:
+        pool.read_header(path)
+    assert time.process_time() - began < 5
     assert caught.value.code is files.SIZE_MISMATCH

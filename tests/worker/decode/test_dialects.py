@@ -71,12 +71,8 @@ def test_real_p4_multispectral_states_place_attitude_and_lens():
     found, angles = header.multispectral, {each.name: each.value for each in header.attitude}
     assert (header.latitude_deg, header.longitude_deg) == pytest.approx((40.49215399, -87.00107598), abs=2e-8)
     fix = header.position_fix
-    assert (fix.kind, fix.u_latitude_m, fix.u_longitude_m, fix.u_height_m) == (
-        "fixed",
-        0.0123,
-        0.01097,
-        0.02043,
-    )
+    uncertain = (fix.u_latitude_m, fix.u_longitude_m, fix.u_height_m)
+    assert (fix.kind, *uncertain) == ("fixed", 0.0123, 0.01097, 0.02043)
     assert (angles["drone-dji:GimbalPitchDegree"], angles["drone-dji:FlightPitchDegree"]) == (-89.9, 6.0)
     # its file states 0, 0, 0 for the sensor, which hangs on the aircraft
     light = found.irradiance
@@ -170,9 +166,8 @@ def test_real_packets_of_a_rededge_p(read, name, corners):
     # by its own parts: the direct light on a level surface, and the scattered
     level = light.direct_w_m2_nm * np.sin(np.radians(light.solar_elevation_deg)) + light.scattered_w_m2_nm
     assert light.irradiance_w_m2_nm == light.horizontal_w_m2_nm == pytest.approx(level, rel=1e-6)
-    assert (light.yaw_deg, light.pitch_deg, light.roll_deg) == pytest.approx(
-        (33.503, -21.204, 1.610), abs=1e-3
-    )
+    attitude = (light.yaw_deg, light.pitch_deg, light.roll_deg)
+    assert attitude == pytest.approx((33.503, -21.204, 1.610), abs=1e-3)
     assert review(header) == []
 
 
@@ -207,14 +202,13 @@ def test_radiance_of_a_rededge_p_by_hand(read, save):
 )
 def test_horizontal_irradiance_is_trusted_by_model_and_firmware(read, model, software, trusted):
     xmp = write_micasense_xmp(SpectralIrradiance="125", HorizontalIrradiance="110")
-    found = read(xmp, make="MicaSense", model=model, software=software).multispectral.irradiance
+    told = read(xmp, make="MicaSense", model=model, software=software).multispectral
+    found = told.irradiance
     assert found.irradiance_w_m2_nm == pytest.approx(1.10 if trusted else 1.25)
     assert (found.distrust is None) is trusted
     if not trusted:
         assert model in found.distrust
-        assert measure_sunshine(
-            read(xmp, make="MicaSense", model=model, software=software).multispectral
-        ).left_out == (found.distrust,)
+        assert measure_sunshine(told).left_out == (found.distrust,)
 
 
 def test_irradiance_that_no_sky_has_is_not_used(read):

@@ -68,17 +68,20 @@ def test_what_is_absent_is_none_and_the_serial_that_of_the_body(header):
     assert header(exif=EXIF).serial == "BODY-1"
 
 
-@pytest.mark.parametrize(("pair", "value"), [((0, 0), None), ((0, 1000000), 0.0), ((5, 0), None)])
-def test_rationals_with_zeros(pair, value, header):
-    found = header(exif={33434: (RATIONAL, pair), 33437: (RATIONAL, pair)})
-    assert (found.exposure_time_s, found.f_number) == (value, value)
-
-
-def test_apex_zeros_of_a_writer_that_knows_nothing_are_not_one_second(header):
-    zeros = {33434: (RATIONAL, (0, 1)), 37377: (SRATIONAL, (0, 1))}
-    assert header(exif=zeros).exposure_time_apex_s is None
-    stated = {33434: (RATIONAL, (1, 1)), 37377: (SRATIONAL, (0, 1))}
-    assert header(exif=stated).exposure_time_apex_s == 1.0
+@pytest.mark.parametrize(
+    ("pair", "value", "apex"),
+    [
+        ((0, 0), None, 1.0),
+        ((0, 1000000), 0.0, None),
+        ((5, 0), None, 1.0),
+        # zeros of a writer that knows nothing are not one second
+        ((0, 1), 0.0, None),
+        ((1, 1), 1.0, 1.0),
+    ],
+)
+def test_rationals_with_zeros(pair, value, apex, header):
+    found = header(exif={33434: (RATIONAL, pair), 33437: (RATIONAL, pair), 37377: (SRATIONAL, (0, 1))})
+    assert (found.exposure_time_s, found.f_number, found.exposure_time_apex_s) == (value, value, apex)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ SEQUOIA = {
     "REG": ("red_edge", 735.0, (78630.0, 5078.8, 623.5), {5, 6}),
     "NIR": ("nir", 790.0, (271665.8, 5008.3, 2581.1), {14}),
 }
+ONE_RECORD = pack_records("<QHHHHfff", [(10**8, 34, 2, 1, 100, 1, 2, 3)])
 LAYOUTS = {28: "<QHHHHfff", 24: "<QHHfff", 20: "<QHHff"}
 
 
@@ -84,19 +85,15 @@ def test_real_rededge_files(real_files):
     assert found.geometry.rotation_deg is None
 
 
-def test_the_clock_of_a_real_rededge_agrees_with_the_time_since_its_start(real_files):
+def test_captures_of_a_real_rededge_have_one_clock_and_name_their_bands_alike(real_files):
     """Two captures, 395 and 486 s after the start and 91 s apart: no jump."""
-    headers = [reader.read_header(path) for path in sorted((real_files / "rededge").glob("*_1.tif"))]
-    assert [header.multispectral.exposed_at_us for header in headers] == [395_000_000, 486_000_000]
+    headers = [reader.read_header(path) for path in sorted((real_files / "rededge").glob("*.tif"))]
+    told = [header.multispectral for header in headers]
+    assert [each.exposed_at_us for each in told] == [395_000_000] * 5 + [486_000_000] * 5
+    assert [each.capture_id for each in told] == ["5v25BtsZg3BQBhVH7Iaz"] * 5 + ["g2R43Qr5m7EeTFGbkh1W"] * 5
+    assert {each.flight_id for each in told} == {"NtLNbVIdowuCaWYbg3ck"}
     starts = [datetime.fromisoformat(each.taken_at).timestamp() for each in headers]
-    assert starts[1] - starts[0] == pytest.approx(91.0, abs=0.1)
-    assert {header.multispectral.flight_id for header in headers} == {"NtLNbVIdowuCaWYbg3ck"}
-
-
-def test_bands_of_one_real_capture_name_it_alike(real_files):
-    files = sorted((real_files / "rededge").glob("*.tif"))
-    captures = [reader.read_header(path).multispectral.capture_id for path in files]
-    assert captures == ["5v25BtsZg3BQBhVH7Iaz"] * 5 + ["g2R43Qr5m7EeTFGbkh1W"] * 5
+    assert starts[5] - starts[0] == pytest.approx(91.0, abs=0.1)
 
 
 def test_a_header_comes_through_the_pool_whole(real_files):
@@ -172,9 +169,7 @@ def test_gain_table_is_rows_of_four_counts():
 
 
 def test_small_sequoia_file(save):
-    header = read(
-        save, write_sequoia_xmp(IrradianceList=pack_records("<QHHHHfff", [(10**8, 34, 2, 1, 100, 1, 2, 3)]))
-    )
+    header = read(save, write_sequoia_xmp(IrradianceList=ONE_RECORD))
     found = header.multispectral
     assert (found.band, found.band_name, found.capture_id) == ("green", "Green", "BE5AB0AB")
     assert found.vignetting_polynomial.exponents == ((0, 0), (1, 0), (0, 1))
@@ -188,33 +183,27 @@ def test_small_sequoia_file(save):
 def test_a_known_band_is_raw_without_a_black_level_too(save):
     assert not read(save, write_sequoia_xmp(), black=False).rendered
     assert read(save, "no xml", black=False).rendered
+    assert read(save, write_sequoia_xmp(SensorModel=None), make="Other").multispectral is None
+    assert read(save, "", make="Parrot").multispectral is None
 
 
-def test_sunshine_data_may_be_absent(save):
-    found = read(save, write_sequoia_xmp(IrradianceCalibrationMeasurement=None)).multispectral
+def test_sunshine_data_and_its_calibration_may_be_absent(save):
+    uncalibrated = {"IrradianceCalibrationMeasurement": None}
+    found = read(save, write_sequoia_xmp(**uncalibrated)).multispectral
     assert found.counts is None
     assert "no sunshine sensor was connected" in found.sunshine_missing
-
-
-def test_calibration_measurement_may_be_absent(save):
-    records = pack_records("<QHHHHfff", [(10**8, 34, 2, 1, 100, 1, 2, 3)])
-    xmp = write_sequoia_xmp(IrradianceList=records, IrradianceCalibrationMeasurement=None)
+    xmp = write_sequoia_xmp(IrradianceList=ONE_RECORD, **uncalibrated)
     found = read(save, xmp, software="v1.7.0").multispectral
-    assert found.counts.gains == ()
-    assert len(found.counts.records) == 1
+    assert (found.counts.gains, len(found.counts.records)) == ((), 1)
 
 
 @pytest.mark.parametrize(
     ("changes", "gone"),
     [
-        ({"SensorModel": "1,2"}, "sensor_model"),
-        ({"SensorModel": "nan,2,3"}, "sensor_model"),
         ({"SensorModel": "1e400,2,3"}, "sensor_model"),
         ({"SensorModel": "a,b,c"}, "sensor_model"),
-        ({"VignettingPolynomial2DName": "0,0,1"}, "vignetting_polynomial"),
         ({"VignettingPolynomial2DName": "0,0,1,0,0,-1"}, "vignetting_polynomial"),
         ({"VignettingPolynomial2DName": "0,0,1,0,0,1e6"}, "vignetting_polynomial"),
-        ({"VignettingPolynomial2D": "1," * 5000}, "vignetting_polynomial"),
         ({"CentralWavelength": "inf"}, "wavelength_nm"),
         ({"RigCameraIndex": "-1"}, "rig_camera_index"),
     ],
@@ -253,38 +242,24 @@ def test_light_sensor_without_light_is_missing(save, value):
     assert "light sensor" in found.sunshine_missing
 
 
-def test_other_cameras_have_none(save):
-    assert read(save, write_sequoia_xmp(SensorModel=None), make="Other").multispectral is None
-    assert read(save, "", make="Parrot").multispectral is None
-
-
-LAUGHS = (
-    '<?xml version="1.0"?><!DOCTYPE lolz [<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
-    '<x xmlns:c="http://pix4d.com/1.0"><c:BandName>&b;</c:BandName></x>'
-)
-OUTSIDE = (
-    '<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]>'
-    '<x xmlns:c="http://pix4d.com/1.0"><c:BandName>&e;</c:BandName></x>'
-)
-DOCTYPE = '<!DOCTYPE x><x xmlns:c="http://pix4d.com/1.0"><c:BandName>Red</c:BandName></x>'
-
-
 def plain(body):
     return f'<x xmlns:c="http://pix4d.com/1.0">{body}</x>'.encode()
+
+
+def named(doctype, band="Red"):
+    return f"<!DOCTYPE x {doctype}>".encode() + plain(f"<c:BandName>{band}</c:BandName>")
 
 
 def test_plain_packet_is_read():
     assert parse_xmp(plain("<c:BandName>Red</c:BandName>")) == {"camera:BandName": ("Red",)}
 
 
-@pytest.mark.parametrize("packet", [LAUGHS, OUTSIDE, DOCTYPE], ids=["laughs", "outside", "doctype"])
-def test_document_types_are_refused(packet):
-    assert parse_xmp(packet.encode()) == {}
-
-
 @pytest.mark.parametrize(
     "packet",
     [
+        named('[<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]', "&b;"),
+        named('[<!ENTITY e SYSTEM "file:///etc/passwd">]', "&e;"),
+        named(""),
         plain("<c:a>" * MAX_DEPTH + "</c:a>" * MAX_DEPTH),
         plain("<c:a/>" * MAX_PROPERTIES),
         plain("<c:a " + " ".join(f'a{n}="1"' for n in range(MAX_PROPERTIES)) + "/>"),
@@ -294,9 +269,12 @@ def test_document_types_are_refused(packet):
         plain("<c:a>\xff</c:a>").replace("\xff".encode(), b"\xff"),
         b"\xfe\xff\x00<",
     ],
-    ids=["deep", "many", "attributes", "long", "large", "unclosed", "encoding", "utf16"],
+    ids=[
+        *("laughs", "outside", "doctype", "deep", "many", "attributes", "long", "large", "unclosed"),
+        *("encoding", "utf16"),
+    ],
 )
-def test_packets_beyond_the_bounds_are_none(packet):
+def test_document_types_and_packets_beyond_the_bounds_are_none(packet):
     assert parse_xmp(packet) == {}
 
 

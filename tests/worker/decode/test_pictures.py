@@ -1,6 +1,5 @@
 """JPEG and PNG: read as they are, refused by name when they are damaged or claim what they do not hold."""
 
-import contextlib
 import struct
 import zlib
 
@@ -8,13 +7,10 @@ import cv2
 import imagecodecs
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, files
-from simulation.dng import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from tests.support import reader
-from worker.decode import pictures
+from tests.worker.decode.fuzz_seeds import add_segment, make_exif
 
 GREY = np.random.default_rng(3).integers(0, 256, (48, 80), np.uint8)
 RGB = np.random.default_rng(4).integers(0, 256, (48, 80, 3), np.uint8)
@@ -22,19 +18,6 @@ JPEG = imagecodecs.jpeg8_encode(GREY, level=95)
 JPEG_RGB = imagecodecs.jpeg8_encode(RGB, level=95)
 PNG = imagecodecs.png_encode(RGB)
 PNG_16 = imagecodecs.png_encode(GREY.astype(np.uint16) * 257)
-
-
-def _exif():
-    writer = TiffWriter(">")
-    inner = writer.directory(
-        {33434: (RATIONAL, (1, 250)), 33437: (RATIONAL, (56, 10)), 34855: (SHORT, 200), 42033: (ASCII, "S1")}
-    )
-    main = writer.directory({271: (ASCII, "Make"), 272: (ASCII, "Model"), 34665: (LONG, inner)})
-    return writer.finish(main)
-
-
-def _with_segment(jpeg, marker, body):
-    return jpeg[:2] + struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body + jpeg[2:]
 
 
 def _with_chunk(png, kind, body):
@@ -80,7 +63,7 @@ def test_picture_is_read_as_it_is(content, container, bits, expected, save):
 
 
 @pytest.mark.parametrize(
-    "content", [_with_segment(JPEG, 0xE1, b"Exif\0\0" + _exif()), _with_chunk(PNG, b"eXIf", _exif())]
+    "content", [add_segment(JPEG, 0xE1, b"Exif\0\0" + make_exif()), _with_chunk(PNG, b"eXIf", make_exif())]
 )
 def test_exif_of_a_picture(content, save):
     header = reader.read_header(save(content))
@@ -88,9 +71,9 @@ def test_exif_of_a_picture(content, save):
     assert (header.make, header.model, header.serial) == ("Make", "Model", "S1")
 
 
-@pytest.mark.parametrize("exif", [b"", b"II*\0", b"II*\0\xff\xff\xff\xff", b"nonsense", _exif()[:60]])
+@pytest.mark.parametrize("exif", [b"", b"II*\0", b"II*\0\xff\xff\xff\xff", b"nonsense", make_exif()[:60]])
 def test_damaged_exif_costs_the_metadata_only(exif, save):
-    header = reader.read_header(save(_with_segment(JPEG, 0xE1, b"Exif\0\0" + exif)))
+    header = reader.read_header(save(add_segment(JPEG, 0xE1, b"Exif\0\0" + exif)))
     assert header.exposure_time_s is None
     assert header.width_px == 80
 
@@ -144,27 +127,3 @@ def test_bomb_of_pixels_is_refused_before_it_is_decoded(save, monkeypatch):
         with pytest.raises(InputRejected, match="100 megapixels") as caught:
             reader.read_header(save(content))
         assert caught.value.code is files.FRAME_TOO_LARGE
-
-
-FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=6)
-
-
-@pytest.mark.parametrize(
-    "content", [JPEG, JPEG_RGB, PNG, PNG_16, _with_segment(JPEG, 0xE1, b"Exif\0\0" + _exif())]
-)
-@settings(
-    max_examples=60,
-    deadline=5000,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(flips=FLIPS, kept=st.just(1.0) | st.floats(0, 1), near=st.sampled_from([0.05, 1.0]))
-def test_damaged_pictures_are_read_or_refused(content, save, flips, kept, near):
-    damaged = bytearray(content[: max(1, round(len(content) * kept))])
-    for place, value in flips:
-        damaged[int(place * near * len(damaged))] = value
-    path = save(bytes(damaged))
-    with contextlib.suppress(InputRejected):
-        header = reader.read_header(path)
-        assert header.height_px * header.width_px <= pictures.MAX_PICTURE_PX
-        reader.read_window(path, 0, 0, header.height_px, header.width_px)

@@ -6,8 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
-import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import pytest
 from radiometry.findings import InputRejected, files, shared
 from simulation.dng import LONG
 from tests.support import reader
+from tests.support.processes import alive, wait_until
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from worker.decode.pool import DecoderCrashed, DecoderLimits, DecoderPool, DecoderUnavailable
 
@@ -34,20 +34,6 @@ def good(save):
 def pool():
     with DecoderPool() as shared:
         yield shared
-
-
-def _is_alive(pid):
-    try:
-        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
-    except FileNotFoundError:
-        return False
-
-
-def _wait_until(condition, seconds=20):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_answers_are_those_of_the_reader(pool, good):
@@ -74,10 +60,8 @@ def test_refusals_come_through_and_cost_no_process(pool, good, save):
 
 
 def test_rewritten_file_is_read_anew(pool, save):
-    first = save(make_dng(SAMPLES, VARIANT))
-    assert pool.read_header(first).width_px == 86
-    second = save(make_dng(SAMPLES, Variant(bits=14)))
-    assert pool.read_header(second).width_px == 96
+    for variant, width_px in ((VARIANT, 86), (Variant(bits=14), 96)):
+        assert pool.read_header(save(make_dng(SAMPLES, variant))).width_px == width_px
 
 
 def _opened(pid):
@@ -123,7 +107,7 @@ def test_killed_while_idle_is_not_noticed(pool, good):
     pool.read_header(good)
     os.kill(pool.pids()[0], signal.SIGKILL)
     # a zombie whose other threads still end holds its pipes open: it is gone when it can be waited for
-    _wait_until(lambda: os.waitid(os.P_PID, pool.pids()[0], os.WEXITED | os.WNOHANG | os.WNOWAIT))
+    wait_until(lambda: os.waitid(os.P_PID, pool.pids()[0], os.WEXITED | os.WNOHANG | os.WNOWAIT))
     assert pool.read_header(good).width_px == 86
 
 
@@ -179,9 +163,9 @@ def test_parents_sudden_death_leaves_nothing_behind(good):
     command = [sys.executable, "-c", code, str(good)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as parent:
         pid = int(parent.stdout.readline())
-        assert _is_alive(pid)
+        assert alive([pid])
         parent.kill()
-    _wait_until(lambda: not _is_alive(pid))
+    wait_until(lambda: not alive([pid]))
 
 
 def test_child_dies_although_somebody_holds_its_pipe_open():
@@ -204,18 +188,9 @@ def test_a_process_that_cannot_start_is_our_fault(good, monkeypatch):
 
 def test_threads_share_the_processes(good):
     expected = reader.read_header(good)
-    found = []
-
-    def work():
-        found.extend(pool.read_header(good) == expected for _ in range(10))
-
     with DecoderPool() as pool:
-        threads = [threading.Thread(target=work) for _ in range(5)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert found == [True] * 50
+        with ThreadPoolExecutor(5) as threads:
+            assert list(threads.map(lambda _: pool.read_header(good), range(50))) == [expected] * 50
         assert len(pool.pids()) <= 2
 
 

@@ -8,7 +8,6 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
@@ -17,12 +16,17 @@ from tests.support import reader
 
 # Rows 440 to 519, columns 600 to 679.
 CENTRE = Polygon.from_points([(600, 440), (680, 440), (680, 520), (600, 520)])
-SUFFIXES = {"green": "GRE", "red": "RED", "red_edge": "REG", "nir": "NIR"}
-I_SQ = {"green": 0.531310, "red": 0.231775, "red_edge": 0.259554, "nir": 0.224353}
+# The file's suffix; irradiance of the centre; mean CH0 of the sunshine sensor; error of the wrong order.
+SEQUOIA = {
+    "green": ("GRE", 0.531310, 34.0, 0.0372),
+    "red": ("RED", 0.231775, 28.0, 0.0467),
+    "red_edge": ("REG", 0.259554, 5.2, 0.1944),
+    "nir": ("NIR", 0.224353, 14.0, 0.0667),
+}
 
 
 def open_sequoia(folder, band):
-    path = folder / "sequoia" / f"IMG_180413_080658_0000_{SUFFIXES[band]}.TIF"
+    path = folder / "sequoia" / f"IMG_180413_080658_0000_{SEQUOIA[band][0]}.TIF"
     return path, reader.read_header(path)
 
 
@@ -36,35 +40,22 @@ def extract(path, header, polygon):
     return reflectance.extract(frame, [region], header=header, exposure=exposure_of(header)).features
 
 
-@pytest.mark.parametrize("band", I_SQ)
-def test_sequoia_irradiance_of_the_centre(real_files, band):
+@pytest.mark.parametrize("band", SEQUOIA)
+def test_sequoia_irradiance_of_the_centre_sunshine_and_vignetting(real_files, band):
+    """Ten readings at gain index 1 and 100 ms each.
+
+    The public scripts' order of vignetting and black, p / V - B, errs by 4 to 19 % in the 40 x 40 pixels of
+    the top left corner.
+    """
+    _, i_sq, counts, error = SEQUOIA[band]
     path, header = open_sequoia(real_files, band)
-    found = extract(path, header, CENTRE)
-    assert found.i_sq == pytest.approx(I_SQ[band], abs=1e-6)
-    assert found.statistics.n == 6400
-
-
-@pytest.mark.parametrize(
-    ("band", "counts"), [("green", 34.0), ("red", 28.0), ("red_edge", 5.2), ("nir", 14.0)]
-)
-def test_sequoia_sunshine(real_files, band, counts):
-    """Ten readings at gain index 1 and 100 ms each."""
-    _, header = open_sequoia(real_files, band)
-    found = measure_sunshine(header.multispectral)
+    features = extract(path, header, CENTRE)
+    assert (features.i_sq, features.statistics.n) == (pytest.approx(i_sq, abs=1e-6), 6400)
+    told = header.multispectral
+    found = measure_sunshine(told)
     assert found.i_ss == pytest.approx(counts / 0.1)
     assert (found.readings, found.gain_indices, found.flags) == (10, (1,), ())
-    nearest = measure_sunshine(header.multispectral, choice="nearest")
-    last = measure_sunshine(header.multispectral, choice="last")
-    assert nearest.i_ss == last.i_ss
-
-
-@pytest.mark.parametrize(
-    ("band", "error"), [("green", 0.0372), ("red", 0.0467), ("nir", 0.0667), ("red_edge", 0.1944)]
-)
-def test_vignetting_before_black_errs_by_4_to_19_per_cent_in_a_real_corner(real_files, band, error):
-    """The public scripts' order, p / V - B, in the 40 x 40 pixels of the top left corner."""
-    path, header = open_sequoia(real_files, band)
-    told = header.multispectral
+    assert measure_sunshine(told, choice="nearest").i_ss == measure_sunshine(told, choice="last").i_ss
     samples = reader.read_window(path, 0, 0, 40, 40).samples_dn
     size = FrameSize(height_px=header.height_px, width_px=header.width_px)
     window = Window(row0=0, col0=0, height=40, width=40)
@@ -76,7 +67,7 @@ def test_vignetting_before_black_errs_by_4_to_19_per_cent_in_a_real_corner(real_
 
 def test_the_green_band_s_two_blacks_disagree(real_files):
     """SensorModel says 3067.5, the black level 4973.25: 9 % of this panel's signal. The others agree."""
-    raised = {band: check_frame(open_sequoia(real_files, band)[1]) for band in SUFFIXES}
+    raised = {band: check_frame(open_sequoia(real_files, band)[1]) for band in SEQUOIA}
     assert {band: [each.flag for each in flags] for band, flags in raised.items()} == {
         "green": ["black_level_disagrees"],
         "red": [],
@@ -88,30 +79,21 @@ def test_the_green_band_s_two_blacks_disagree(real_files):
 def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files):
     """K by hand for green: 0.2 * 340 / 0.531310 = 127.986."""
     rows, readings = [], []
-    for band in SUFFIXES:
+    for band in SEQUOIA:
         path, header = open_sequoia(real_files, band)
         features = extract(path, header, CENTRE)
-        rows.append(
-            reflectance.FrameRow(
-                frame=path.name,
-                role="panel",
-                scene=None,
-                header=header,
-                exposure=exposure_of(header),
-                statistics=None,
-                features=features,
-            )
-        )
-        readings.append(
-            reflectance.Reading(panel="P", band=band, reflectance=0.2, standard_uncertainty=0.004)
-        )
+        given = {"role": "panel", "scene": None, "statistics": None, "features": features}
+        exposure = exposure_of(header)
+        rows.append(reflectance.FrameRow(frame=path.name, header=header, exposure=exposure, **given))
+        stated = {"reflectance": 0.2, "standard_uncertainty": 0.004}
+        readings.append(reflectance.Reading(panel="P", band=band, **stated))
     fit = reflectance.fit(rows, readings, reflectance.Params(sunshine_surface="oriented"))
     ks = {each.coefficient.band: each.coefficient.reflectance_k for each in fit.band_fits}
     assert ks["green"] == pytest.approx(0.2 * 340.0 / 0.531310, rel=1e-5)
     assert ks["red_edge"] == pytest.approx(0.2 * 52.0 / 0.259554, rel=1e-5)
     coefficients = [each.coefficient for each in fit.band_fits]
     for row in rows:
-        found = reflectance_method.apply_features(row.features, header=row.header, coefficients=coefficients)
+        found = reflectance.apply_features(row.features, header=row.header, coefficients=coefficients)
         assert found.reflectance.value == pytest.approx(0.2, rel=1e-12)
 
 
@@ -149,7 +131,7 @@ def test_alignment_leaves_the_parallax_of_a_square_rig(real_files):
     part = np.s_[350:606, 920:1176]
     _, onto = open_sequoia(real_files, "green")
     frames = {}
-    for band in SUFFIXES:
+    for band in SEQUOIA:
         path, header = open_sequoia(real_files, band)
         plane = reader.read_window(path, 0, 0, 960, 1280).samples_dn.astype(np.float32)
         frames[band] = align(plane, of=header.multispectral.geometry, onto=onto.multispectral.geometry)
