@@ -530,6 +530,15 @@ regime("V at the corner, cos⁴ to 30° with a rim", draws=100)(
 )
 
 
+def _extract(shown: np.ndarray, target: SharpnessTarget):
+    """What is found in a square picture but for its rim."""
+    size, end = len(shown), len(shown) - 2
+    camera = CameraModel(height_px=size, width_px=size, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
+    whole = Region(name="", polygon=Polygon.from_points([(2, 2), (end, 2), (end, end), (2, end)]))
+    frame, header = frame_of(shown, cfa="grey"), make_header(camera)
+    return extract_sharpness(frame, [whole], header=header, exposure=None, target=target).features.regions[0]
+
+
 @regime("MTF50, blur 0.8 px, noise 1 %", draws=100)
 def _edge(random: Random) -> Iterator[Drawn]:
     angle, sigma, size = math.radians(random.uniform(4.0, 9.0)), 0.8, 80
@@ -540,13 +549,7 @@ def _edge(random: Random) -> Iterator[Drawn]:
         + 1000.0 * (1 + erf(distance / (sigma * math.sqrt(2))))
         + 20.0 * random.standard_normal((size, size))
     )
-    frame = frame_of(shown, cfa="grey")
-    camera = CameraModel(height_px=size, width_px=size, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
-    whole = Region(name="", polygon=Polygon.from_points([(2, 2), (78, 2), (78, 78), (2, 78)]))
-    extracted = extract_sharpness(
-        frame, [whole], header=make_header(camera), exposure=None, target=SharpnessTarget()
-    )
-    found = extracted.features.regions[0].edges[0].mtf50
+    found = _extract(shown, SharpnessTarget()).edges[0].mtf50
     truth = math.sqrt(math.log(2.0) / 2.0) / (math.pi * sigma)
     u = found.standard_uncertainty / truth
     yield Drawn(found.value / truth - 1.0, u, coverage_factor(JACKKNIFE_DOF) * u)
@@ -563,12 +566,8 @@ def _star(random: Random) -> Iterator[Drawn]:
 
     contrast = 0.8 * respond(cycles / (2 * np.pi * np.maximum(np.hypot(row, col), 1e-9)))
     shown = 1000.0 * (1 + contrast * np.cos(cycles * np.arctan2(row, col)))
-    frame = frame_of(shown + 10.0 * random.standard_normal(shown.shape), cfa="grey")
-    camera = CameraModel(height_px=size, width_px=size, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
-    whole = Region(name="", polygon=Polygon.from_points([(2, 2), (188, 2), (188, 188), (2, 188)]))
-    target = SharpnessTarget(kind="siemens_star", cycles=cycles)
-    extracted = extract_sharpness(frame, [whole], header=make_header(camera), exposure=None, target=target)
-    star = extracted.features.regions[0].stars[0]
+    shown += 10.0 * random.standard_normal(shown.shape)
+    star = _extract(shown, SharpnessTarget(kind="siemens_star", cycles=cycles)).stars[0]
     found = find_resolving_power(star.frequency, star.whole, contrast=0.1)
     reference = respond(np.array(star.frequency[:6])).mean()
     truth = math.sqrt(-math.log(0.1 * reference) / 2.0) / (math.pi * sigma)

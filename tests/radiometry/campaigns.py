@@ -22,7 +22,6 @@ class Drawn:
 
 
 def draw(seed, *, errors=None, isos=(3200.0,), pixels=20000, camera=X5S, timed=False, **planned):
-    """Simulate a campaign's statistics."""
     random = np.random.default_rng(seed)
     campaign = plan_campaign(camera, random, errors=errors or Errors(), isos=isos, **planned)
     rows = tuple(draw_row(campaign.camera, s, random, pixels=pixels) for s in campaign.shots)

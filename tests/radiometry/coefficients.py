@@ -33,7 +33,6 @@ COEFFICIENT = Coefficient(
 
 
 def apply_coefficient(statistics, *, exposure, coefficients):
-    """Return the luminance of a region's statistics, as a measurement does for each region and cell."""
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     signal = measure_signal(statistics, channel=coefficient.channel)
     return apply_to_signal(signal, exposure=exposure, coefficient=coefficient)

@@ -224,7 +224,6 @@ def test_at_the_highest_iso_only_what_is_near_white_is_said_so():
 
 
 def render(campaign, shot, random):
-    """A frame's row from its pixels."""
     shot = replace(shot, window=HERE)
     frame = take(campaign.camera, shot, random).frame
     statistics = compute_statistics(frame, np.ones(frame.samples_dn.shape, np.bool_))

@@ -56,7 +56,6 @@ def sites(cfa):
 
 
 def shares_of(cfa):
-    """V of every pixel's own channel."""
     if cfa == "grey":
         return 1 + K1["grey"] * squared()
     ks = np.array([K1[name] for name in sites(cfa)]).reshape(2, 2)
@@ -209,31 +208,17 @@ def test_a_k_and_a_correction_belong_together():
         maps.find_map_scale((WITH,), EXPOSURE)
 
 
-def test_between_f_numbers_the_correction_is_interpolated():
-    pair = (falloff("grey", 2.8, -0.4), falloff("grey", 5.6, -0.1))
-    lens = Lens(coefficients=pair, f_number=4.0)
-    weight = math.log2(4.0 / 2.8)
-    expected = 1 + ((1 - weight) * -0.4 + weight * -0.1) * squared()
-    found = maps.compute_shares(make_frame(np.zeros(SHAPE), "grey"), lens, channel="green")
-    assert found == pytest.approx(expected, rel=1e-6)
-    assert lens.at(3, 5, channels=("grey",)).value == pytest.approx(expected[3, 5], rel=1e-12)
-    with pytest.raises(InputRejected, match="outside the calibrated range"):
-        replace(lens, f_number=2.0).require(channels=("grey",), height_px=64, width_px=96)
-    with pytest.raises(InputRejected, match="another crop or binning"):
-        lens.require(channels=("grey",), height_px=96, width_px=64)
-
-
 # --- the fit
 
 SHARES = {5.6: (0.8, 0.004), 8.0: (0.9, 0.002), 16.0: (0.97, 0.001)}
 CORRECTED = replace(PARAMS, vignetting="00")
 
 
-def through(row):
+def through(row, shares=SHARES):
     """The frame as a lens that passes less would give it, and V as its calibration found it."""
     if row.role == "dark":
         return row
-    value, u = SHARES[row.exposure.f_number]
+    value, u = shares[row.exposure.f_number]
     (one,) = row.statistics
     dimmed = replace(one, mean_dn=256.0 + (one.mean_dn - 256.0) * value)
     share = Quantity(value=value, standard_uncertainty=u, unit="1")
@@ -269,8 +254,6 @@ def test_the_error_of_v_is_shared_within_an_f_number():
 
 
 def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
-    half = Quantity(value=0.5, standard_uncertainty=0.0, unit="1")
-
     def dark_u(rows, params):
         budget = fit(rows, READINGS, params).iso_fits[0].budget
         return next(entry.u_rel for entry in budget if entry.source == "dark signal")
@@ -281,16 +264,7 @@ def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
         else row
         for n, row in enumerate(ROWS)
     )
-    halved = tuple(
-        row
-        if row.role == "dark"
-        else replace(
-            row,
-            statistics=(replace(row.statistics[0], mean_dn=256.0 + (row.statistics[0].mean_dn - 256.0) / 2),),
-            lens_share=half,
-        )
-        for row in bumped
-    )
+    halved = tuple(through(row, dict.fromkeys(SHARES, (0.5, 0.0))) for row in bumped)
     assert dark_u(halved, CORRECTED) == pytest.approx(2 * dark_u(bumped, PARAMS), rel=0.05)
 
 

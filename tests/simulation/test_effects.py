@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from radiometry.frame.exposure import Settings
-from radiometry.reflectance.panel_code import find_panel
 from radiometry.reflectance.sun import SunPosition, Tilt, TiltParams
 from simulation.camera import LUMINOUS_EFFICIENCY, Camera, Lamp, Meter, change, compute_mismatch, expose
-from simulation.sequoia import Card, SunshineSensor
+from simulation.sequoia import SunshineSensor
 from simulation.targets import Picture, Surface
 
 SETTINGS = Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)
@@ -125,16 +124,6 @@ def test_a_tilted_sunshine_sensor_reads_more_towards_the_sun():
     assert flat / read(level).ch0 == pytest.approx(0.993, abs=0.001)  # 5/6 of what the diffuser loses
     assert read(towards).ch0 / flat == pytest.approx(1.015, abs=0.003)
     assert read(towards).pitch_deg == -1.0
-
-
-def test_a_card_is_found_in_a_photograph_of_it():
-    camera = change(QUIET, height_px=480, width_px=640, read_noise_e=100.0, blur_px=0.7)
-    card = Card(text="RP02-1603036-SC")
-    samples = photograph(camera, target=card, signal_dn=50_000.0).clip(0, 65_535).astype(np.uint16)
-    found = find_panel(samples)
-    assert found.serial == card.text
-    middle = np.mean(found.region.points, axis=0)
-    np.testing.assert_allclose(middle, card.panel_corners.mean(axis=0), atol=3.0)
 
 
 def test_a_field_that_no_part_has_is_refused():

@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.fitting.evidence import Region
-from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
 from simulation.camera import change
 from simulation.multispectral_files import write_rig
 from simulation.rigs import RIGS, capture
+from tests.radiometry.reflectance import captures
 from tests.support import reader
 
 CORNER = Polygon.from_points([(4, 4), (44, 4), (44, 30), (4, 30)])
@@ -51,22 +50,7 @@ def _round(value):
 
 
 def test_k_is_the_true_one_even_in_the_darkest_corner(rig, shots):
-    rows = []
-    for band, shot in shots.items():
-        exposure = Exposure(**asdict(shot.exposure.on_basis("nominal")))
-        region = [Region(name="", polygon=CORNER)]
-        found = reflectance.extract(shot.frame, region, header=shot.header, exposure=exposure)
-        rows.append(
-            reflectance.FrameRow(
-                frame=band,
-                role="panel",
-                scene=None,
-                header=shot.header,
-                exposure=exposure,
-                statistics=None,
-                features=found.features,
-            )
-        )
+    rows = [captures.row(band, shot, polygon=CORNER) for band, shot in shots.items()]
     readings = [
         reflectance.Reading(panel="P", band=band, reflectance=0.4, standard_uncertainty=0.002)
         for band in shots

@@ -6,7 +6,6 @@ import pytest
 
 import stilb
 import stilb.__main__
-from stilb.commands.output import Exit
 from stilb.export import frame_path
 from tests.support.certificates import certificate_of, export_version
 from tests.support.house import KEY
@@ -196,15 +195,6 @@ def test_the_clients_export_is_taken_up_where_it_stopped(exports, address, tmp_p
     assert damaged.stat().st_size == frames[1]["size_bytes"]
     assert (folder / "certificate.pdf").read_bytes().startswith(b"%PDF")
     assert not list(folder.rglob("*.part"))
-
-
-def test_the_command_exports(exports, address, tmp_path, capsys):
-    version = exports.version("luminance")
-    asked = ["export", version["id"], str(tmp_path / "out"), "--url", address, "--key"]
-    assert stilb.__main__.main([*asked, KEY]) == 0
-    assert main([str(tmp_path / "out" / "certificate.json"), "--data", str(tmp_path / "out")]) == 0
-    assert stilb.__main__.main([*asked, "wrong"]) == Exit.KEY
-    assert "unauthenticated" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ def shared(labels, variance, *, sensitivity=1.0, source="shared"):
 
 
 def estimate(design, response, *components):
-    """The estimated variances alone, with their covariance."""
     problem = Problem(design, response, components)
     variances, covariance = estimate_variances(problem)
     return variances[list(problem.unknown)], covariance
@@ -158,74 +157,12 @@ def test_groups_are_gathered_and_spread_by_hand():
     np.testing.assert_array_equal(part.spread(np.array([1.0, 10.0])), [20, 3, 50])
 
 
-@pytest.fixture
-def balanced():
-    """Six groups of four with known noise 0.5: here REML is the analysis of variance."""
-    random = np.random.default_rng(3)
-    groups, per_group, noise = 6, 4, 0.5
-    response = np.repeat(random.normal(0, 1.0, groups), per_group) + random.normal(
-        0, noise, groups * per_group
-    )
-    group = shared(np.repeat(np.arange(groups), per_group), None)
-    return response, group, noise, groups, per_group
-
-
-def test_estimated_variance_is_the_analysis_of_variance_and_reaches_the_parameter(balanced):
-    response, group, noise, groups, per_group = balanced
-    means = response.reshape(groups, per_group).mean(axis=1)
-    parts = [independent(*[noise] * response.size), group]
-    (found,), ((uncertainty,),) = estimate(np.ones((response.size, 1)), response, *parts)
-    assert found == pytest.approx(np.var(means, ddof=1) - noise**2 / per_group, rel=1e-9)
-    assert uncertainty == pytest.approx(2 * np.var(means, ddof=1) ** 2 / (groups - 1), rel=1e-9)
-    solution = solve(np.ones((response.size, 1)), response, parts)
-    assert solution.covariance[0, 0] == pytest.approx(np.var(means, ddof=1) / groups, rel=1e-9)
-
-
 def test_no_variance_is_found_where_noise_explains_the_scatter():
     (found,), ((uncertainty,),) = estimate(
         ONES, np.array([0.0, 0.1, 0.0, 0.1]), independent(1, 1, 1, 1), shared("aabb", None)
     )
     assert found == 0.0
     assert uncertainty > 0.0
-
-
-def test_two_variances_are_the_analysis_of_variance(balanced):
-    """Noise and groups both unknown: the mean squares, with their variances and covariance."""
-    response, group, _, groups, per_group = balanced
-    table = response.reshape(groups, per_group)
-    within = np.sum(np.var(table, axis=1, ddof=1)) / groups
-    among = per_group * np.var(table.mean(axis=1), ddof=1)
-    n = response.size
-    (between, noise), covariance = estimate(
-        np.ones((n, 1)), response, independent(*[1e-6] * n), group, independent(*np.ones(n), variance=None)
-    )
-    assert noise == pytest.approx(within, rel=1e-9)
-    assert between == pytest.approx((among - within) / per_group, rel=1e-9)
-    of_within = 2 * within**2 / (n - groups)
-    of_among = 2 * among**2 / (groups - 1)
-    expected = [
-        [(of_among + of_within) / per_group**2, -of_within / per_group],
-        [-of_within / per_group, of_within],
-    ]
-    np.testing.assert_allclose(covariance, expected, rtol=1e-7)
-
-
-def test_a_variance_that_would_be_negative_is_none():
-    """Groups alike to the last digit: all scatter is noise, pooled over all points."""
-    response = np.tile([1.0, -1.0, 2.0, -2.0], 3)
-    unknown = shared("aaaabbbbcccc", None), independent(*np.ones(12), variance=None)
-    (group, noise), _ = estimate(np.ones((12, 1)), response, independent(*[1e-6] * 12), *unknown)
-    assert group == 0.0
-    assert noise == pytest.approx(np.var(response, ddof=1))
-
-
-def test_groups_may_differ_where_points_scatter_by_no_more_than_known():
-    """Two points a group, alike within the known noise: all that is found lies between the groups."""
-    response = np.repeat([1.0, -1.0, 2.0, -2.0], 2)
-    unknown = shared("aabbccdd", None), independent(*np.ones(8), variance=None)
-    (group, noise), _ = estimate(np.ones((8, 1)), response, independent(*[0.1] * 8), *unknown)
-    assert noise == 0.0
-    assert group == pytest.approx(np.var(response[::2], ddof=1) - 0.01 / 2)
 
 
 @pytest.mark.parametrize(

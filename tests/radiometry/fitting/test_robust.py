@@ -151,17 +151,6 @@ def test_slopes_agree_with_differences(model):
         assert by_parameters[index] == pytest.approx(difference, rel=1e-5)
 
 
-@pytest.mark.parametrize("model", sources.PARAMETER_NAMES)
-def test_the_linear_problem_reproduces_points_on_the_curve(model):
-    """Iterated to the end, the linearised problem of points on a curve has that curve's parameters."""
-    signals = sources.predict(model, np.array(PARAMETERS[model]), RHS)
-    theta = sources.start(model, RHS, signals)
-    for _ in range(30):
-        linear = sources.linearise(model, RHS, signals, theta)
-        theta = np.linalg.lstsq(linear.design, linear.response, rcond=None)[0]
-    assert sources.from_theta(model, theta) == pytest.approx(PARAMETERS[model], rel=1e-9)
-
-
 def test_a_curve_below_dark_cannot_be_laid_out():
     assert sources.linearise("affine", RHS, np.array([1.0, 2.0, 3.0]), np.array([1.0, -10.0])) is None
 

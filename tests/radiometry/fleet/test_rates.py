@@ -75,26 +75,27 @@ def test_the_verdict_is_right_in_95_of_100_fleets(draw, right):
     assert outcomes[right] >= 0.95 * FLEETS, outcomes
 
 
-@pytest.mark.parametrize("repeats", [[2, 2, 2], [12, 2, 3, 3], [3] * 6])
-def test_shared_is_hardly_said_of_a_fleet_whose_camera_lies_at_the_tolerance(repeats):
-    """The hardest truth: one camera there, the others far from it, so that all hangs on that one."""
-    others = len(repeats) - 1
-    off = np.array([TOLERANCE] + [-TOLERANCE / others] * others)
+def alone(cameras):
+    """One camera at the tolerance, the others far from it: all hangs on that one."""
+    return [1.0] + [-1.0 / (cameras - 1)] * (cameras - 1)
+
+
+def opposed(cameras):
+    """As many cameras as can be lie at the tolerance."""
+    return [float((-1) ** index) for index in range(cameras - cameras % 2)] + [0.0] * (cameras % 2)
+
+
+@pytest.mark.parametrize(
+    ("place", "wrong", "repeats", "repeatability"),
+    [
+        *((alone, "shared", each, REPEATABILITY / 3) for each in ([2, 2, 2], [12, 2, 3, 3], [3] * 6)),
+        *((opposed, "per_camera", each, REPEATABILITY) for each in ([2, 2, 2], [12, 2, 3, 3], [3, 2])),
+    ],
+)
+def test_the_wrong_verdict_is_rare_where_that_is_hardest(place, wrong, repeats, repeatability):
+    truths = K * (1 + TOLERANCE * np.array(place(len(repeats))))
 
     def draw(rng):
-        return draw_fleet(rng, truths=K * (1 + off), repeats=repeats, repeatability=REPEATABILITY / 3)
+        return draw_fleet(rng, truths=truths, repeats=repeats, repeatability=repeatability)
 
-    assert count_outcomes(np.random.default_rng(7), draw)["shared"] <= AT_MOST
-
-
-@pytest.mark.parametrize("repeats", [[2, 2, 2], [12, 2, 3, 3], [3, 2]])
-def test_per_camera_is_hardly_said_of_a_fleet_within_the_tolerance(repeats):
-    """The hardest truth: as many cameras as can be lie at the tolerance."""
-    off = TOLERANCE * np.array([(-1) ** index for index in range(len(repeats))], dtype=float)
-    if len(repeats) % 2:
-        off[-1] = 0.0
-
-    def draw(rng):
-        return draw_fleet(rng, truths=K * (1 + off), repeats=repeats, repeatability=REPEATABILITY)
-
-    assert count_outcomes(np.random.default_rng(8), draw)["per_camera"] <= AT_MOST
+    assert count_outcomes(np.random.default_rng(7), draw)[wrong] <= AT_MOST

@@ -52,34 +52,6 @@ def test_mask_is_the_rule_in_exact_arithmetic(polygon, row0, col0):
     np.testing.assert_array_equal(mask(polygon, window), in_exact_arithmetic(polygon.points, window))
 
 
-@given(polygons())
-def test_a_window_shows_its_part_of_the_whole(polygon):
-    part = Window(row0=3, col0=5, height=6, width=4)
-    np.testing.assert_array_equal(mask(polygon, part), mask(polygon, FRAME)[3:9, 5:9])
-
-
-@given(st.tuples(eighths, eighths), st.tuples(eighths, eighths), st.tuples(integers, integers))
-def test_polygons_that_share_edges_share_no_pixel_and_miss_none(a, b, c):
-    """A square fanned into triangles around three points of its inside: every centre has one owner."""
-    corners = [(0, 0), (14, 0), (14, 14), (0, 14)]
-    triangles = [(corners[i], corners[(i + 1) % 4], a) for i in range(4)]
-    for point in (b, c):
-        triangles = [new for old in triangles for new in split(old, point)]
-    owners = sum(mask(Polygon.from_points(t), FRAME).astype(int) for t in triangles if area(t))
-    np.testing.assert_array_equal(owners, np.ones((14, 14), int))
-
-
-def area(t):
-    (x0, y0), (x1, y1), (x2, y2) = t
-    return (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-
-
-def split(t, p):
-    parts = [(t[0], t[1], p), (t[1], t[2], p), (t[2], t[0], p)]
-    inside = area(t) != 0 and all(area(part) * area(t) > 0 for part in parts)
-    return parts if inside else [t]
-
-
 def test_imagej_example_of_centres_on_an_edge():
     """The hypotenuse of this triangle runs through five centres: a right edge, so they belong."""
     np.testing.assert_array_equal(

@@ -52,6 +52,12 @@ def simulate_rows(camera, target, poses, random, *, noise_px):
     return tuple(rows)
 
 
+def show(name, header, features, statistics=()):
+    """A picture of a chart, as the fit wants it."""
+    known = {"role": "chart", "scene": None, "exposure": None, "statistics": statistics}
+    return FrameEvidence(frame=name, header=header, features=features, **known)
+
+
 def make_row(name, camera, target, indices, seen_px):
     """Corners, (corner, 2) row before col, as the fit wants them."""
     places = tuple((float(row), float(col)) for row, col in seen_px)
@@ -67,15 +73,7 @@ def make_row(name, camera, target, indices, seen_px):
         spacing_px=measure_spacing_px(target, indices, seen_px),
         board_share=float(cv2.contourArea(hull)) / (camera.height_px * camera.width_px),
     )
-    return FrameEvidence(
-        frame=name,
-        role="chart",
-        scene=None,
-        header=make_header(camera),
-        exposure=None,
-        statistics=(),
-        features=features,
-    )
+    return show(name, make_header(camera), features)
 
 
 def make_header(camera, *, cfa="grey", bits=12):
@@ -114,19 +112,11 @@ def extract(frame, *, target=BOARD, bits=8):
 def read_picture(path):
     picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     found = extract(frame_of(picture, cfa="grey", black=0.0, white=255.0))
-    return FrameEvidence(
-        frame=path.name,
-        role="chart",
-        scene=None,
-        header=make_header(replace(CAMERA, height_px=picture.shape[0], width_px=picture.shape[1]), bits=8),
-        exposure=None,
-        statistics=found.statistics,
-        features=found.features,
-    )
+    size = replace(CAMERA, height_px=picture.shape[0], width_px=picture.shape[1])
+    return show(path.name, make_header(size, bits=8), found.features, found.statistics)
 
 
 def transpose(row):
-    """The same picture with rows and columns exchanged."""
     features = row.features
     return replace(
         row,

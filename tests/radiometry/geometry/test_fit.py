@@ -69,7 +69,6 @@ HERE = {
 
 
 def spoil(row, by_px):
-    """Move every other corner of a view."""
     moved = tuple(
         (place[0] + by_px * (number % 2), place[1]) for number, place in enumerate(row.features.fitted_px)
     )

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radiometry.fitting.evidence import FrameEvidence
 from radiometry.geometry.camera import CameraModel, Pose
 from radiometry.geometry.fit import check_colours, fit_geometry, list_coefficients
 from radiometry.geometry.results import ColourView, Params, fit_colour
@@ -29,6 +28,7 @@ from tests.radiometry.geometry.boards import (
     make_header,
     make_row,
     raised,
+    show,
     simulate,
     simulate_rows,
     values,
@@ -39,7 +39,6 @@ PARAMS = Params()
 
 
 def turn(row, words):
-    """The corners as they lie in the turned picture."""
     size = np.array([row.features.height_px - 1, row.features.width_px - 1])
     seen = np.array(row.features.fitted_px)
     turned = tuple(map(tuple, np.where(TURNS[words], size - seen, seen).tolist()))
@@ -165,9 +164,7 @@ def photograph(count, *, seed=3, **colours):
     for number, pose in enumerate(draw_poses(LENS, BOARD_NEAR, random, count=count)):
         frame = studio.photograph(View(board=BOARD_NEAR, pose=pose), random)
         found = extract(frame, target=BOARD_NEAR, bits=12)
-        evidence = (f"view-{number}", "chart", None, header, None, found.statistics, found.features)
-        names = ("frame", "role", "scene", "header", "exposure", "statistics", "features")
-        rows.append(FrameEvidence(**dict(zip(names, evidence, strict=True))))
+        rows.append(show(f"view-{number}", header, found.features, found.statistics))
     return rows
 
 

@@ -120,7 +120,6 @@ def measure_coverage(rig, *, sets, count, calibrated=False, sway=(0.0, 0.0), see
 
 
 def calibrate(number, pictures):
-    """The camera as the same pictures give it."""
     free = choose_free_parameters(fix_aspect_ratio=True, radial_terms=2, tangential=False)
     views = [each.view for each in pictures if each.camera == number]
     found = solve(views, free, height_px=480, width_px=640)
@@ -153,7 +152,6 @@ def test_a_rigid_rig_is_not_called_loose(fitted):
 
 
 def swap(pictures, camera, first, second):
-    """Exchange the triggers of two pictures of a camera."""
     names = {first: second, second: first}
     return [
         replace(each, scene=names[each.scene]) if each.camera == camera and each.scene in names else each

@@ -19,7 +19,6 @@ def statistics(mean_dn, *, saturated=0.0, white=4095.0, channel="grey"):
 
 
 def light(scene, f_number, *, time_s=None, iso=3200.0, name=None, k=K, mean_dn=None, **changes):
-    """A frame that obeys N = D + K X exactly."""
     row = evidence.light(scene, f_number, name=name, time_s=time_s, iso=iso, luminance=SCENES.get(scene, 1.0))
     if mean_dn is None:
         mean_dn = DARK + k * row.exposure.exposure_time_s * iso * SCENES[scene] / f_number**2

@@ -1,4 +1,4 @@
-"""Which frames count, what is missing, and what would make the fit good."""
+"""Which frames count, what is missing, what would make the fit good, and what the field team is told."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from radiometry.frame.packing import pack
 from radiometry.noise import codes, verdicts
 from radiometry.noise import fit as noise
 from radiometry.noise.results import Params
+from tests.radiometry.evidence import taken
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
 
@@ -83,3 +84,32 @@ def test_a_plan_names_what_would_make_the_fit_good():
     )
     lights = [row for row in take(SMALL, 23) if row.role == "flat"]
     assert verdicts.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return take(SMALL, 1, times=(0.1, 0.3, 2.0), dark_times=(0.1,))
+
+
+def judge(rows):
+    found = verdicts.judge([taken(row, region=None) for row in rows], rows, PARAMS)
+    return {frame: (each.outcome, [reason.code for reason in each.reasons]) for frame, each in found.items()}
+
+
+def test_good_pairs_pass_and_white_frames_alone_copies_and_lit_darks_say_so(rows):
+    found = judge(rows)
+    assert found["flat-100-0.1-0"] == found["dark-100-0.1-1"] == ("pass", [])
+    assert found["flat-100-2-0"] == ("warn", ["clipped"])
+    alone = judge([row for row in rows if row.frame != "flat-100-0.3-1"])
+    assert alone["flat-100-0.3-0"] == ("warn", ["unpaired"])
+    copy = replace(rows[0], frame="zz")
+    assert judge([*rows, copy])["zz"] == ("fail", ["redundant"])
+    lit = [replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows]
+    assert judge(lit)["flat-100-0.3-0"] == ("fail", ["dark_not_dark"])
+
+
+@pytest.mark.parametrize(("factor", "outcome"), [(1.005, "pass"), (1.05, "warn"), (1.3, "fail")])
+def test_light_that_drifts_between_frames_is_told(rows, factor, outcome):
+    found = judge(dim(rows, "flat-100-0.1-0", factor))
+    assert found["flat-100-0.1-0"][0] == found["flat-100-0.1-1"][0] == outcome
+    assert ("pair_drift" in found["flat-100-0.1-0"][1]) is (outcome != "pass")

@@ -331,15 +331,7 @@ def radiance_row(**band):
     model = RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6)
     told = Multispectral(system="micasense", band="blue", band_name="Blue", radiance_model=model, **band)
     header = make_header(told, serial="1777777", taken_at="2017-10-19T20:40:39")
-    return reflectance.FrameRow(
-        frame="blue",
-        role="panel",
-        scene=None,
-        header=header,
-        exposure=panel()[0].exposure,
-        statistics=None,
-        features=features,
-    )
+    return replace(panel()[0], frame="blue", header=header, features=features)
 
 
 def test_a_panel_that_the_camera_recognised_serves_where_nothing_is_stated():

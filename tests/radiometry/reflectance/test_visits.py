@@ -311,13 +311,6 @@ def test_an_uneven_panel_is_flagged_and_counted():
     assert shares["panel evenness"] == pytest.approx(0.06 * 59 / 60 / math.sqrt(12), rel=0.1)
 
 
-def test_saturated_or_unknown_sunshine_is_an_error_by_name():
-    for gains, match in (((3,) * 10, "saturated count|unknown gain"), ((1,) * 0, "the list is empty")):
-        with pytest.raises(InputRejected, match=match) as refusal:
-            reflectance.fit(panel(gain_indices=gains), READINGS, PARAMS)
-        assert refusal.value.code == "sunshine_missing"
-
-
 def test_some_saturated_readings_are_left_out_and_flagged():
     found = reflectance.fit(panel(gain_indices=(1, 3, 1, 3, 1)), READINGS, PARAMS)
     raised = [each for each in found.flags if each.flag == "sunshine_readings_left_out"]

@@ -100,7 +100,6 @@ def test_the_meter_behind_k_is_worth_less_at_the_points():
 
 
 def see(ground, *places):
-    """The field after luminances of these places without noise."""
     seen = np.ones(len(places), np.bool_)
     rows = Rows(
         values=np.zeros(len(places)),
@@ -199,7 +198,6 @@ def test_a_factor_that_no_budget_explains_is_flagged():
 
 
 def pick(surveyed, control):
-    """The survey with some of its control points alone."""
     road, points, sight, scale, truth = surveyed
     names = {each.name for each in (*points, *control)}
     kept = [n for n, each in enumerate((*points, *road.control)) if each.name in names]

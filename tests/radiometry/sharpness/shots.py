@@ -36,7 +36,6 @@ def render_chart(studio, parts, random):
 
 
 def measure(one, *, camera=SMALL, random=None, target=EDGES):
-    """The response of every channel at one simulated edge."""
     frame = render_chart(camera, [one], random or seeded())
     (region,) = extract(frame, [one.region], camera=camera, target=target).regions
     return {each.channel: each for each in region.edges}

@@ -188,40 +188,32 @@ def test_a_window_of_the_frame_is_as_good_as_all_of_it():
     assert extract(frame, [one.region]) == extract(part, [one.region])
 
 
-def test_a_tone_curve_is_undone_where_it_is_stated():
-    one = edge(blur_px=1.0)
-    camera = change(SMALL, cfa="rgb", black_level_dn=0.0)
-    linear = render_chart(camera, [one], seeded())
-    share = linear.samples_dn / 16383.0
-    bent = replace(linear, samples_dn=np.round(65535 * share ** (1 / 2.2)).astype(np.uint16))
-    bent = replace(bent, white_level_dn=(65535.0,) * 3)
-    tone = Target(tone_curve="gamma", gamma=2.2)
-    found = {
-        name: extract(frame, [one.region], camera=camera, target=target).regions[0].edges[3].mtf50.value
-        for name, frame, target in (
-            ("linear", linear, EDGES),
-            ("undone", bent, tone),
-            ("as it is", bent, EDGES),
-        )
-    }
-    assert found["undone"] == pytest.approx(found["linear"], rel=1e-3)
-    assert found["linear"] == pytest.approx(0.1874, rel=0.01)
-    assert abs(found["as it is"] / 0.1874 - 1.0) > 0.02
+def code_srgb(share):
+    return np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
 
 
-def test_srgb_is_undone_on_both_of_its_branches():
+@pytest.mark.parametrize(
+    ("tone", "code"),
+    [
+        (Target(tone_curve="gamma", gamma=2.2), lambda share: share ** (1 / 2.2)),
+        (Target(tone_curve="srgb"), code_srgb),
+    ],
+)
+def test_a_tone_curve_is_undone_where_it_is_stated(tone, code):
+    """From so dark that both branches of sRGB are met."""
     one = edge(blur_px=1.0)
     camera = change(SMALL, cfa="rgb", black_level_dn=0.0, dark_dn=30.0)
     linear = render_chart(camera, [one], seeded())
-    share = linear.samples_dn / 16383.0
-    coded = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
-    bent = replace(
-        linear, samples_dn=np.round(65535 * coded).astype(np.uint16), white_level_dn=(65535.0,) * 3
+    coded = np.round(65535 * code(linear.samples_dn / 16383.0)).astype(np.uint16)
+    bent = replace(linear, samples_dn=coded, white_level_dn=(65535.0,) * 3)
+    straight, undone, as_it_is = (
+        extract(frame, [one.region], camera=camera, target=target).regions[0].edges[3]
+        for frame, target in ((linear, EDGES), (bent, tone), (bent, EDGES))
     )
-    target = Target(tone_curve="srgb")
-    (region,) = extract(bent, [one.region], camera=camera, target=target).regions
-    assert region.edges[3].contrast == pytest.approx((9000 - 30) / (9000 + 30), abs=1e-3)
-    assert region.edges[3].mtf50.value == pytest.approx(0.1874, rel=0.01)
+    assert undone.contrast == pytest.approx((9000 - 30) / (9000 + 30), abs=1e-3)
+    assert undone.mtf50.value == pytest.approx(straight.mtf50.value, rel=1e-3)
+    assert straight.mtf50.value == pytest.approx(0.1874, rel=0.01)
+    assert abs(as_it_is.mtf50.value / 0.1874 - 1.0) > 0.02
 
 
 # --- curved edges, noise

@@ -54,7 +54,6 @@ def dark(lens, seed, *, name="dark", time_s=0.01, iso=100.0):
 
 
 def state_black(row, black_level_dn):
-    """The same frame, of which the file states another black level."""
     channels = tuple(replace(each, black_level_dn=black_level_dn) for each in row.features.channels)
     return replace(row, features=replace(row.features, channels=channels))
 
@@ -64,7 +63,6 @@ def flags_of(raised):
 
 
 def exact_blocks(grid, k, centre_px, *, gradient=(0.0, 0.0), error=1e-3, site=WHOLE):
-    """Block means of the equation itself."""
     rows, cols = grid.axes(site)
     means, _, _ = average_radial(
         rows, cols, centre_row_px=centre_px[0], centre_col_px=centre_px[1], radius_px=grid.half_diagonal_px

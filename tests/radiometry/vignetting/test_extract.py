@@ -9,7 +9,6 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Region
-from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
 from radiometry.specification.exports import LensfunNames
@@ -21,22 +20,12 @@ from radiometry.vignetting.falloff import DarkError
 from radiometry.vignetting.light import estimate_dark_drift, estimate_dark_error, merge_dark_errors
 from simulation.camera import change, take
 from simulation.targets import FALLOFFS, FAST_LENS, plan_flat
+from tests.radiometry.frames import frame_of
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, exact_blocks, flat, row, whole
 
 
-def make_frame(samples, cfa="RGGB", **changes):
-    height, width = samples.shape[:2]
-    fields = {
-        "samples_dn": samples.astype(np.uint16),
-        "row0": 0,
-        "col0": 0,
-        "height_px": height,
-        "width_px": width,
-        "cfa": cfa,
-        "black_level_dn": (10.0, 11.0, 12.0, 13.0),
-        "white_level_dn": (4095.0,) * 4,
-    }
-    return Frame(**(fields | changes))
+def make_frame(samples, cfa="RGGB"):
+    return frame_of(samples, cfa=cfa, black=(10.0, 11.0, 12.0, 13.0), white=(4095.0,) * 4)
 
 
 @pytest.fixture(scope="module")
