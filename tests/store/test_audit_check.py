@@ -104,7 +104,7 @@ GONE = "one of them was rewritten, inserted or moved, or one between them was de
 ONE_MORE = "UPDATE audit_chain SET seq = 7 WHERE name = ''"
 
 
-@pytest.mark.either_database
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 @pytest.mark.parametrize(
     ("statements", "found_at", "said"),
     [

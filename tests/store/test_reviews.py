@@ -127,8 +127,10 @@ def answers(house, campaign_id):
             assert house.get(f"/v1/frames/{each['id']}")["verdict"] == each["verdict"]
     items = house.get(f"/v1/campaigns/{campaign_id}/checklist")["items"]
     ticks = {each["key"]: (each.get("evidence"), each.get("missing")) for each in items}
-    found = {each["id"]: each["verdict"]["reasons"] for each in listed}
-    found = {key: [(each["code"], each["outcome"], each["detail"]) for each in found[key]] for key in found}
+    found = {}
+    for each in listed:
+        reasons = each["verdict"]["reasons"]
+        found[each["id"]] = [(why["code"], why["outcome"], why["detail"]) for why in reasons]
     return campaign["missing"], campaign["advice"], ticks, found, campaign["findings"]
 
 
@@ -139,8 +141,9 @@ def scratch(house, campaign_id):
         state = assess(session, row)
         items = read_checklist(session, row, state.record)
     ticks = {each.key: (each.evidence, each.missing) for each in items}
-    found = {key: state.verdicts[key].reasons for key in state.verdicts}
-    found = {key: [(each.code, each.outcome, each.detail) for each in found[key]] for key in found}
+    found = {}
+    for frame_id, verdict in state.verdicts.items():
+        found[frame_id] = [(why.code, why.outcome, why.detail) for why in verdict.reasons]
     missing = [said for each in state.missing for said in each.sentences]
     advice = [said for each in state.advice for said in each.sentences]
     return missing, advice, ticks, found, [encode(each) for each in state.findings]

@@ -188,7 +188,7 @@ def test_a_broker_that_froze_is_connected_anew_and_a_stop_waits_for_the_job_that
         worker.wait_for_job(first, "succeeded")
         # a loop that is held up comes to it only when the broker goes on, and has nothing to take up then
         with suppress(AssertionError):
-            wait_for(lambda: "Couldn't ack" in worker.log.read_text(), timeout_s=30)
+            wait_for(lambda: "Couldn't ack" in worker.log.read_text(), timeout_s=8)
         worker.valkey.send_signal(signal.SIGCONT)
         assert worker.wait_for_job(second, "succeeded").attempt == 1
         before = len(worker.log.read_text())

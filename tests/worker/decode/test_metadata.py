@@ -1,19 +1,17 @@
 """What the header says, and that nothing is made up of zeros and nonsense."""
 
 import hashlib
-import io
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
-import tifffile
 
 from radiometry.frame import Opcode
 from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, SRATIONAL
 from tests.support import reader
 from tests.support.data import data_file
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
+from tests.worker.decode.spectral_tiff import make_tiff
 from worker.decode.metadata import read_metadata
 from worker.decode.tiff import read_directories
 
@@ -267,18 +265,17 @@ DJI = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.o
  drone-dji:GimbalPitchDegree="-89.90" drone-dji:FlightYawDegree="{yaw}"/></rdf:RDF></x:xmpmeta>"""
 
 
-def read_angles(folder, xmp):
-    out, packet = io.BytesIO(), xmp.encode()
-    tifffile.imwrite(
-        out, np.full((32, 48), 900, np.uint16), extratags=[(700, 1, len(packet), packet, True)], metadata=None
-    )
-    path = folder / "picture.tif"
-    path.write_bytes(out.getvalue())
-    return {angle.name: angle.value for angle in reader.read_header(path).attitude}
+@pytest.fixture
+def angles_of(save):
+    def read(xmp):
+        header = reader.read_header(save(make_tiff(xmp), "picture.tif"))
+        return {angle.name: angle.value for angle in header.attitude}
+
+    return read
 
 
-def test_a_gimbal_s_and_its_aircraft_s(tmp_path):
-    assert read_angles(tmp_path, DJI.format(yaw="+171.20")) == {
+def test_a_gimbal_s_and_its_aircraft_s(angles_of):
+    assert angles_of(DJI.format(yaw="+171.20")) == {
         "drone-dji:GimbalYawDegree": -12.3,
         "drone-dji:GimbalPitchDegree": -89.9,
         "drone-dji:GimbalRollDegree": 0.0,
@@ -287,10 +284,10 @@ def test_a_gimbal_s_and_its_aircraft_s(tmp_path):
 
 
 @pytest.mark.parametrize("yaw", ["nan", "inf", "1e9", "", "north", "12,5", "&lt;b&gt;"])
-def test_what_is_no_angle_is_left_out(tmp_path, yaw):
-    found = read_angles(tmp_path, DJI.format(yaw=yaw))
+def test_what_is_no_angle_is_left_out(angles_of, yaw):
+    found = angles_of(DJI.format(yaw=yaw))
     assert (len(found), "drone-dji:FlightYawDegree" in found) == (3, False)
-    assert [read_angles(tmp_path, xmp) for xmp in (" ", "<x", "<!DOCTYPE x><x/>")] == [{}] * 3
+    assert [angles_of(xmp) for xmp in (" ", "<x", "<!DOCTYPE x><x/>")] == [{}] * 3
 
 
 @pytest.mark.parametrize(

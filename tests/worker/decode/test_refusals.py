@@ -11,6 +11,7 @@ from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 
 SAMPLES = make_samples(64, 64, 16)
+WHOLE = make_dng(SAMPLES, Variant())
 
 
 def _code(path, window=None):
@@ -92,16 +93,9 @@ def test_linear_image_of_a_monochrome_sensor_is_read(save):
     assert np.array_equal(frame.samples_dn, SAMPLES)
 
 
-@pytest.mark.parametrize("kept", [0.5, 0.9, 0.99])
-def test_file_cut_short(kept, save):
-    content = make_dng(SAMPLES, Variant())
-    assert _code(save(content[: int(len(content) * kept)])) is files.TRUNCATED
-
-
 def test_image_data_cut_from_the_end_of_the_file(save):
     # The directories come first, as cameras write them: only the samples are missing.
-    base = make_dng(SAMPLES, Variant())
-    content = make_dng(SAMPLES, Variant(extra={273: (LONG, len(base))})) + SAMPLES.tobytes()
+    content = make_dng(SAMPLES, Variant(extra={273: (LONG, len(WHOLE))})) + SAMPLES.tobytes()
     reader.read_header(save(content))
     assert _code(save(content[:-1])) is files.TRUNCATED
 
@@ -137,6 +131,7 @@ def _tiled(side, **tags):
     ("content", "code"),
     [
         (b"", files.EMPTY_FILE),
+        *((WHOLE[: int(len(WHOLE) * kept)], files.TRUNCATED) for kept in (0.5, 0.9, 0.99)),
         (_dng(t50714=(SHORT, 4095), t50717=(SHORT, 4095)), files.LEVELS_CONTRADICTORY),
         (_dng(t262=(SHORT, 34892), t277=(SHORT, 3), t33421=None, t33422=None), files.LINEAR_RAW),
         (_dng(t50714=(SHORT, [1, 2, 3]), t50713=(SHORT, [2, 2])), files.UNSUPPORTED_LAYOUT),
