@@ -53,7 +53,7 @@ WHOLE = {"bench", "browser", "demo", "faults", "flow", "journeys"}
 # other processes compute. Those of one deployment stay in one process, and the longest do not end the run.
 FIRST = (
     ("faults", "flow", "stilb/test_wheel.py", "verify/test_every_method.py"),
-    ("bench", "service/test_fuzz.py", "browser", "journeys", "demo"),
+    ("bench", "service/test_fuzz.py", "browser", "demo"),
 )
 
 
@@ -147,7 +147,7 @@ def _name_test(item):
 
 def _read_database(item):
     params = item.callspec.params if hasattr(item, "callspec") else {}
-    given = params.keys() & {"database_url", "shared_house", "deployment"}
+    given = params.keys() & {"database_url", "shared_house"}
     return params[given.pop()] if given else None
 
 

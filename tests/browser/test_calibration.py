@@ -129,7 +129,14 @@ def test_the_answer_comes_first_and_what_lies_behind_it_is_folded(night_page, ni
         assert night_page.evaluate("document.documentElement.scrollHeight") < most
 
 
-def test_a_point_tells_of_its_frame_where_it_is_touched(shown):
+def test_plots_are_looked_into(shown):
+    """Points are touched, a part is magnified, a series hidden; axes are linear or logarithmic."""
+    touch_points(shown)
+    magnify_a_part(shown)
+    change_the_axes(shown)
+
+
+def touch_points(shown):
     for plot in ("signal-plot", "residuals-signal-plot"):
         found = find_point(shown, plot)
         assert found["points"] == USED
@@ -142,7 +149,7 @@ def test_a_point_tells_of_its_frame_where_it_is_touched(shown):
         expect(tip).to_contain_text("residual")
 
 
-def test_the_axes_are_linear_or_logarithmic(shown):
+def change_the_axes(shown):
     axes = shown.locator("#signal-plot text.mid", has_text="[")
     expect(axes).to_have_text(["X = t S L / f²  [cd·s/m²]", "signal above dark [DN]"])
     with shown.expect_response("**/signal?*part=1*"):
@@ -158,7 +165,7 @@ def test_the_axes_are_linear_or_logarithmic(shown):
     )
 
 
-def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):
+def magnify_a_part(shown):
     plot = shown.locator("#residuals-signal-plot")
     plot.scroll_into_view_if_needed()
     points = plot.locator(".point[data-frame-id]")

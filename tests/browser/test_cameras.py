@@ -90,31 +90,6 @@ def test_what_was_in_force_is_told_as_known_then_and_the_address_holds_it(page, 
     expect(answer).to_contain_text("version 2 is in force")
 
 
-def test_what_is_known_of_a_lens_is_drawn_beside_its_coefficients(page, cameras):
-    def as_of_a_lens(route):
-        answer = route.fetch()
-        told = answer.json()
-        route.fulfill(
-            response=answer, json=told | {"rows": [row | {"method": "geometry"} for row in told["rows"]]}
-        )
-
-    drawing = '<svg xmlns="http://www.w3.org/2000/svg" width="700" height="400"/>'
-    page.route(re.compile("/v1/series/coefficients"), as_of_a_lens)
-    page.route("**/plot.svg", lambda route: route.fulfill(body=drawing, content_type="image/svg+xml"))
-    page.route(
-        "**/drift?*",
-        lambda route: route.continue_(
-            url=route.request.url.replace("geometry", "luminance").replace("tolerance=4", "tolerance=0.04")
-        ),
-    )
-    page.goto(f"/cameras/{cameras[0]}")
-    settle(page)
-    plot = page.get_by_role("img", name="Plot of geometry version 3")
-    plot.scroll_into_view_if_needed()
-    expect(plot).to_have_js_property("naturalWidth", 700)
-    page.unroute_all()
-
-
 @pytest.mark.parametrize("context", ["phone"], indirect=True)
 def test_a_point_of_the_drift_tells_its_value_where_it_is_touched(page, cameras):
     page.goto(f"/cameras/{cameras[0]}")

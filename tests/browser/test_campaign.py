@@ -1,7 +1,6 @@
 """A campaign on its page: made, filled, calibrated; by one person and by two."""
 
 import hashlib
-import json
 import re
 
 import pytest
@@ -9,7 +8,7 @@ from playwright.sync_api import expect
 from sqlalchemy import select
 
 from store.tables import Blob, FrameRow, new_id
-from tests.service.test_found_panels import state_panel
+from tests.browser.test_mistakes import ISO_VALUES, take
 from tests.support.browser import DIALOG, Held, check_access, look, settle, sign_in, visit
 from tests.support.data import data_file
 from tests.support.fieldwork import write_campaign
@@ -495,67 +494,70 @@ def multiply(database, frame_id, count):
         )
 
 
-def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, team):
-    team.client.create_camera("DJI", "FC6520", "0K1XE8")
+def create(page, method):
+    """Open the form of a method; what it is filled with is sent by the second press."""
     page.goto("/campaigns/new")
     settle(page)
-    page.get_by_role("radio", name="Geometry").check()
-    page.get_by_label("Inner corners across").fill("9")
-    page.get_by_label("Inner corners down").fill("6,5")
-    page.get_by_label("Side of a square").fill("24,8")
-    page.get_by_role("button", name="Create campaign").click()
+    page.get_by_role("radio", name=method).check()
+    return page.get_by_role("button", name="Create campaign")
+
+
+def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, team):
+    team.client.create_camera("DJI", "FC6520", "0K1XE8")
+    made = "**/campaigns/cmp_*"
+    button = create(page, "Geometry")
+    for label, text in (("corners across", "9"), ("corners down", "6,5"), ("Side of a square", "24,8")):
+        page.get_by_label(label).fill(text)
+    button.click()
     expect(page.get_by_role("alert")).to_contain_text("“6,5” is not a whole number")
     page.get_by_label("Inner corners down").fill("6")
     look(page, "campaign-new-geometry")
-    page.get_by_role("button", name="Create campaign").click()
-    page.wait_for_url("**/campaigns/cmp_*")
-    settle(page)
-    page.goto("/campaigns/new")
-    settle(page)
-    page.get_by_role("radio", name="Reflectance").check()
-    page.locator("#panel select").select_option("new")
-    page.locator("#panel").get_by_label("Serial number").fill("RP02")
-    page.locator("#panel").get_by_label("Measured on").fill("2026-03-14")
-    page.locator("#panel").get_by_label("Reflectance").fill("green 0,69 0,005\nred 0,68")
-    page.get_by_role("button", name="Create campaign").click()
-    page.wait_for_url("**/campaigns/cmp_*")
-    settle(page)
-    page.goto("/campaigns/new")
-    settle(page)
-    page.get_by_role("radio", name="Sharpness").check()
+    button.click()
+    page.wait_for_url(made)
+    button = create(page, "Reflectance")
+    panel = page.locator("#panel")
+    panel.locator("select").select_option("new")
+    panel.get_by_label("Serial number").fill("RP02")
+    panel.get_by_label("Measured on").fill("2026-03-14")
+    panel.get_by_label("Reflectance").fill("green 0,69 0,005\nred 0,68")
+    button.click()
+    page.wait_for_url(made)
+    button = create(page, "Sharpness")
     page.get_by_role("radio", name=re.compile("^Siemens stars")).check()
     expect(page.get_by_label("Cycles of the star")).to_be_visible()
     page.get_by_role("radio", name=re.compile("^Slanted edges")).check()
     expect(page.get_by_label("Cycles of the star")).to_have_count(0)
-    check_access(page)
-    page.get_by_role("button", name="Create campaign").click()
-    page.wait_for_url("**/campaigns/cmp_*")
-    settle(page)
-    with team.http() as http:
-        board, reflecting, edges = http.get("/v1/campaigns").json()["items"]
-        (panel,) = http.get("/v1/panels").json()["items"]
-    assert (
-        board["target"] | {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 24.8}
-        == board["target"]
-    )
-    assert reflecting["panel_id"] == panel["id"]
-    assert (edges["target"]["kind"], edges["target"]["tone_curve"]) == ("slanted_edge", "linear")
-    assert json.dumps(panel["bands"]).count("reflectance") == 2
+    button.click()
+    page.wait_for_url(made)
+    board, reflecting, edges = team.client.campaigns()
+    (registered,) = team.client.panels()
+    said = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 24.8}
+    assert said.items() <= board.raw["target"].items()
+    assert reflecting.raw["panel_id"] == registered.id
+    assert (edges.raw["target"]["kind"], edges.raw["target"]["tone_curve"]) == ("slanted_edge", "linear")
+    assert [each["reflectance"] for each in registered.raw["bands"]] == [0.69, 0.68]
 
 
-def test_the_panel_that_the_frames_show_is_named_by_one_click(page, team):
-    camera = team.client.create_camera("MicaSense", "RedEdge", "1777777")
-    campaign = team.client.create_campaign(camera.id, method="reflectance")
-    name = "0000SET_000_IMG_0000_1.tif"
-    content = state_panel(data_file(f"rededge/{name}").read_bytes(), 0.67)
-    with team.http() as http:
-        path = f"/v1/campaigns/{campaign.id}/frames?role=panel&filename={name}"
-        assert http.post(path, content=content).status_code == 201
-    team.client.wait_for(campaign.id, timeout_s=60)
+def test_exposures_that_files_do_not_state_are_entered_for_many_at_once(page, team, service, tmp_path):
+    camera = team.client.create_camera("DJI", "FC6520", "0K1XE8")
+    campaign = team.client.create_campaign(camera.id, method="vignetting")
+    paths = [
+        take(tmp_path / f"iso{n}-{m}.DNG", 1500.0, hidden=ISO_VALUES) for n in (100, 200) for m in (1, 2)
+    ]
+    service.wait_for_jobs([each.id for each in team.client.push(campaign.id, paths, role="flat")])
     page.goto(f"/campaigns/{campaign.id}")
     settle(page)
-    expect(page.get_by_text("Its files state blue 0.67.")).to_be_visible()
-    page.get_by_role("button", name="Use panel RP02-1603036-SC").click()
-    expect(page.get_by_role("button", name="Use panel")).to_have_count(0)
-    panel = team.client.panel(team.client.campaign(campaign.id).raw["panel_id"])
-    assert [band["origin"] for band in panel.raw["bands"]] == ["file"]
+    refused = page.locator("#before").get_by_role("listitem").filter(has_text="refused")
+    expect(refused).to_contain_text("4 frames refused")
+    dialog = page.get_by_role("dialog")
+    for iso in ("100", "200"):
+        page.get_by_label("Find a frame").fill(f"iso{iso}-")
+        page.get_by_role("button", name="Select all").click()
+        page.get_by_role("button", name="Exposure…", exact=True).click()
+        dialog.get_by_label("ISO", exact=True).fill(iso)
+        dialog.get_by_role("button", name="Read again").click()
+        expect(page.locator(".bulk")).to_be_hidden()  # nothing is selected any more
+    page.get_by_label("Find a frame").fill("")
+    expect(refused).to_have_count(0)
+    read = {frame.filename: frame.raw["iso"] for frame in team.client.frames(campaign.id)}
+    assert read == {"iso100-1.DNG": 100, "iso100-2.DNG": 100, "iso200-1.DNG": 200, "iso200-2.DNG": 200}

@@ -5,8 +5,7 @@ import struct
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle
-from tests.support.data import data_file
+from tests.support.browser import look, settle
 from tests.support.frames import write_frame
 
 
@@ -58,30 +57,6 @@ def test_keys_alone_draw_a_region(page, team, service, frame):
     page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
     assert roi_of(team, campaign_id)["polygon"] == [[28, 25], [58, 26], [58, 38], [38, 38]]
-
-
-def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team, service):
-    camera = team.client.create_camera("MicaSense", "RedEdge", "1777777")
-    campaign = team.client.create_campaign(camera.id, method="reflectance")
-    sent = team.client.push(campaign.id, data_file("rededge/0000SET_000_IMG_0000_1.tif"), role="panel")
-    service.wait_for_jobs([sent.id])
-    page.goto(f"/campaigns/{campaign.id}")
-    settle(page)
-    expect(page.locator("#overview")).to_contain_text("1 frame found on the panel")
-    page.locator(f'[data-id="{sent.id}"]').click()
-    dialog = page.get_by_role("dialog")
-    expect(dialog).to_contain_text("found by the code of panel RP02-1603036-SC")
-    dialog.get_by_role("button", name="Draw another region").click()
-    region = page.locator("#region")
-    expect(region).to_contain_text("region is shown, found by the code of panel RP02-1603036-SC")
-    expect(region.get_by_role("button", name="Corner 4 of 4")).to_be_visible()
-    page.evaluate("scrollTo(0, 0)")
-    check_access(page)
-    look(page, "campaign-found")
-    page.get_by_role("button", name="Rectangle").click()
-    page.get_by_role("button", name="Use for this frame").click()
-    expect(region).to_contain_text("own region is shown. To replace it")
-    assert team.client.frame(sent.id).raw["roi_origin"] == "drawn"
 
 
 def test_edges_that_cross_or_leave_the_frame_are_told_and_not_sent(page, team, service, frame):

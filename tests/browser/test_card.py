@@ -39,14 +39,8 @@ def row(name, at=0.0, *, serial="0K1XE8", signal=0.3, clipped=0.0, exposure_time
     said = {"make": "DJI", "model": "FC6520", "serial": serial, "lens": {}, "taken": 1e12 + at * MINUTE}
     exposure = {"exposure_time_s": exposure_time_s, "f_number": 4, "iso": iso}
     centre = {"signal": signal, "clipped": clipped}
-    return {
-        "key": name,
-        "name": name,
-        "size": 1,
-        "kind": "raw",
-        "header": said | exposure | header,
-        "centre": centre,
-    }
+    stated = {"header": said | exposure | header, "centre": centre}
+    return {"key": name, "name": name, "size": 1, "kind": "raw"} | stated
 
 
 def test_card_shows_cameras_scenes_checks_and_what_is_skipped(page, team):
@@ -216,9 +210,8 @@ def test_browser_reads_headers_as_the_worker_does(page, tmp_path):
     Image.new("RGB", (64, 48), "grey").save(picture, exif=tags, comment=b"a chart")
     page.locator("#probe").set_input_files([picture])
     (seen,) = page.evaluate(READ)
-    assert [
-        seen[name] for name in ("make", "model", "serial", "exposure_time_s", "f_number", "iso", "taken")
-    ] == [*("DJI", "FC6520", "0K1XE8", 0.004, 5.6, 200, "2026-05-01T22:00:00")]
+    stated = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8", "taken": "2026-05-01T22:00:00"}
+    assert (stated | {"exposure_time_s": 0.004, "f_number": 5.6, "iso": 200}).items() <= seen.items()
     assert seen["preview"] == {"at": 0, "size": picture.stat().st_size}
 
 
@@ -296,6 +289,14 @@ def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, 
     expect(page.get_by_text("1 of 1 received")).to_be_visible()
 
 
+def drag(page, edge, to_x):
+    box = edge.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(to_x, box["y"] + 20, steps=3)
+    page.mouse.up()
+
+
 def test_brackets_of_the_timeline_are_split_and_joined(page):
     """By the pointer, and with the arrows; the focus stays on the edge."""
     page.goto("/")
@@ -309,15 +310,8 @@ def test_brackets_of_the_timeline_are_split_and_joined(page):
     page.get_by_role("button", name="End of Scene 2").focus()
     page.keyboard.press("ArrowLeft")
     assert page.evaluate("window.counts") == {"Scene 1": 5, "Scene 2": 2, "fresh": 1}
-    box = edge.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
-    page.mouse.down()
-    page.mouse.move(
-        page.locator(".lanes").bounding_box()["x"] + page.locator(".lanes").bounding_box()["width"],
-        box["y"] + 20,
-        steps=3,
-    )
-    page.mouse.up()
+    lanes = page.locator(".lanes").bounding_box()
+    drag(page, edge, lanes["x"] + lanes["width"])
     assert page.evaluate("window.counts") == {"Scene 1": 8}
 
     # the other end: outwards it takes frames of the scene before, inwards it leaves its first
@@ -329,11 +323,7 @@ def test_brackets_of_the_timeline_are_split_and_joined(page):
     page.get_by_role("button", name="Start of Scene 1").focus()
     page.keyboard.press("ArrowRight")
     assert page.evaluate("window.counts") == {"Scene 1": 2, "Scene 2": 5, "fresh": 1}
-    box = start.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
-    page.mouse.down()
-    page.mouse.move(page.locator(".lanes").bounding_box()["x"], box["y"] + 20, steps=3)
-    page.mouse.up()
+    drag(page, start, page.locator(".lanes").bounding_box()["x"])
     assert page.evaluate("window.counts") == {"Scene 2": 8}
 
     # many short brackets beside each other: all are named, no name lies over another

@@ -2,23 +2,24 @@
 
 import re
 
-import pytest
 from playwright.sync_api import expect
 
 from tests.browser.test_every_page import check_both
-from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.browser import check_access, look, settle, sign_in
 from tests.support.furnishing import furnish, postpone, set_aside
 
 
 def test_an_empty_house_says_what_to_do(page):
-    page.goto("/")
-    settle(page)
-    expect(page.get_by_text("Camera, scenes and darks are found for you")).to_be_visible()
-    look(page, "home-empty")
-    page.goto("/jobs")
-    settle(page)
-    expect(page.get_by_text("No failed jobs")).to_be_visible()
-    look(page, "jobs-empty")
+    for path, said in (
+        ("/", "Camera, scenes and darks are found for you"),
+        ("/jobs", "No failed jobs"),
+        ("/measurements", "No measurements yet"),
+        ("/measurements/new", "No campaigns yet"),
+    ):
+        page.goto(path)
+        settle(page)
+        expect(page.get_by_text(said)).to_be_visible()
+        look(page, f"empty{path.replace('/', '-')}")
 
 
 def test_a_cause_is_dismissed_listed_again_by_a_key_and_tried_again(page, service, team):
@@ -51,20 +52,17 @@ def test_finished_jobs_are_a_line_for_each_campaign(night_page):
     expect(line.get_by_role("table")).to_be_hidden()
     line.locator("summary").click()
     expect(line.get_by_role("table", name="Finished jobs")).to_contain_text("succeeded")
-    check_both(night_page)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_operator_sees_workers_disk_and_stored_files(browser, service, scheme):
-    with visit(browser, service.url, color_scheme=scheme) as context:
-        page = sign_in(context, service.key)
-        page.goto("/jobs")
-        settle(page)
-        health = page.locator("#health")
-        expect(health).to_contain_text(re.compile(r"Workers\s*\d of \d"))
-        for text in ("all at work", " free", "Stored files"):
-            expect(health).to_contain_text(text)
-        look(page, f"jobs-operator-{scheme}")
+def test_the_operator_sees_workers_disk_and_stored_files(context, service):
+    page = sign_in(context, service.key, "/jobs")
+    settle(page)
+    health = page.locator("#health")
+    expect(health).to_contain_text(re.compile(r"Workers\s*\d of \d"))
+    for text in ("all at work", " free", "Stored files"):
+        expect(health).to_contain_text(text)
+    check_both(page)
+    look(page, "jobs-operator")
 
 
 def test_a_job_that_waits_for_a_passing_fault_says_when_it_is_tried_again(page, service, team):

@@ -45,7 +45,7 @@ def point_at(page, row, col):
     return said
 
 
-@pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+@pytest.mark.parametrize("context", ["phone"], indirect=True)
 def test_the_map_reads_what_the_tiff_holds(shown, plane):
     for row, col in ((100, 60), (40, 250), (190, 3)):
         said = point_at(shown, row, col)
@@ -57,9 +57,8 @@ def test_the_map_reads_what_the_tiff_holds(shown, plane):
     expect(point_at(shown, 10, 140)).to_contain_text("saturated")
 
 
-def test_isolines_of_the_map_with_the_keys_alone(shown):
-    isolines = shown.get_by_role("button", name="Isolines")
-    isolines.press("Enter")
+def draw_isolines(shown):
+    shown.get_by_role("button", name="Isolines").press("Enter")
     expect(shown.locator(".map-isolines path").first).to_be_attached()
     expect(shown.locator("#isolines")).to_contain_text("place ±")
     settle(shown)
@@ -71,6 +70,7 @@ def test_figures_cells_and_what_to_know_stand_there(shown, plane, night):
     check_large_map(shown, plane)
     check_colours(shown)
     read_with_keys(shown, plane)
+    draw_isolines(shown)
     figures = shown.locator("#figures")
     for word in (
         "of the region drawn for this measurement",
@@ -378,13 +378,3 @@ def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
     # the region of the frame itself
     assert "roi" not in sent[0]
     night_page.context.complaints.clear()
-
-
-def test_an_empty_house_says_what_to_do(page):
-    page.goto("/measurements")
-    settle(page)
-    expect(page.get_by_text("No measurements yet")).to_be_visible()
-    look(page, "measurements-empty")
-    page.goto("/measurements/new")
-    settle(page)
-    expect(page.get_by_text("No campaigns yet")).to_be_visible()

@@ -18,6 +18,7 @@ SHAPE = (240, 360)
 UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames\?")
 # EXIF tags
 EXPOSURE_TIMES, SERIALS = ((33434, 5, 1), (37377, 10, 1)), ((50735, 2, 7), (42033, 2, 7))
+ISO_VALUES = ((34855, 3, 1),)
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 60_000}
 QUICK = SLOW | {"uploadThroughput": -1}
 # for what a worker computes, on a machine that has other work
@@ -242,38 +243,32 @@ def send_what_is_none(page, folder, card):
 def type_the_readings(page, team, campaign):
     """As people write them: with commas, with a unit, as a column of a spreadsheet, with a time."""
     first, second = (page.get_by_label(f"Luminance of level-{n}") for n in (1, 2))
-    first.fill("1,234")
-    first.press("Enter")
-    expect(page.get_by_role("alert").filter(has_text="ambiguous")).to_contain_text("write 1234 or 1.234")
     first.fill("12,5 cd/m²")
     first.press("Enter")
     expect(page.get_by_role("button", name="Readings of level-1: 1 reading")).to_be_visible()
     page.evaluate("navigator.clipboard.writeText('4,4\\r\\n1,6\\r\\n')")
-    dialog = page.get_by_role("dialog", name="Paste readings")
-    for _ in range(2):
+    store = page.get_by_role("dialog", name="Paste readings").get_by_role("button", name="Store")
+    for undone in (True, False):
         second.focus()
         page.keyboard.press("ControlOrMeta+v")
-        dialog.get_by_role("button", name="Store").dblclick()
+        store.dblclick()
         expect(page.get_by_role("button", name="Readings of level-3: 1 reading")).to_be_visible()
-        pasted = page.locator(".toast").filter(has_text="2 readings recorded")
-        pasted.get_by_role("button", name="Undo").click()
-        expect(page.get_by_role("button", name="Readings of level-3: No reading yet")).to_be_visible()
-    second.focus()
-    page.keyboard.press("ControlOrMeta+v")
-    dialog.get_by_role("button", name="Store").click()
-    expect(page.get_by_role("button", name="Readings of level-3: 1 reading")).to_be_visible()
+        if undone:
+            pasted = page.locator(".toast").filter(has_text="2 readings recorded")
+            pasted.get_by_role("button", name="Undo").click()
+            expect(page.get_by_role("button", name="Readings of level-3: No reading yet")).to_be_visible()
     page.get_by_role("button", name="Paste readings…").click()
     lines = page.get_by_label("Lines")
     lines.fill("level-1\t54,4\nlevel-2\t1,234\nlevel-3\tabout 2\n\nlevel-3\t0,260\tfL")
     expect(page.locator(".faults li")).to_have_text(
         [re.compile("Line 2: .*is ambiguous"), re.compile("Line 3: .*not a number")]
     )
-    dialog.get_by_role("button", name="Store").click()
+    store.click()
     expect(page.get_by_role("alert").filter(has_text="Line 2")).to_have_count(2)
     lines.fill("levle-3\t1 234,5\tcd/m²\t2026-05-01 20:30")
     expect(page.locator(".preview-lines")).to_contain_text("no frames of levle-3")
     lines.fill("level-3\t1,7\tcd/m²\t2026-05-01 20:30")
-    dialog.get_by_role("button", name="Store").dblclick()
+    store.dblclick()
     expect(page.get_by_role("list", name="Stages")).to_contain_text("3 readings, 3 scenes")
     with team.http() as http:
         made = http.get(f"/v1/campaigns/{campaign.id}/readings").json()["items"]

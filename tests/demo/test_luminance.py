@@ -1,4 +1,4 @@
-"""The campaign is the procedure's, well exposed; its truth is the same in a readout and in a full frame."""
+"""The campaign is the procedure's and well exposed; what is sent states what was set."""
 
 from dataclasses import replace
 
@@ -10,7 +10,6 @@ from rich.console import Console
 from demo.journey import Display, Stage, see_from
 from demo.journey import take as take_all
 from demo.luminance import ROI, plan
-from radiometry.frame.exposure import compute_rhs
 from radiometry.frame.roi import Polygon, Window, mask
 from simulation.camera import take
 
@@ -20,12 +19,6 @@ LEVELS = {"level-1": 54.4, "level-2": 2.94, "level-3": 1.28, "level-4": 1.2, "le
 @pytest.fixture(scope="module")
 def campaign():
     return plan(5)
-
-
-def expose(campaign, number, window, *, seed=5):
-    """The samples of one shot, read out through another window."""
-    shot = replace(campaign.shots[number], window=window)
-    return take(campaign.camera, shot, np.random.default_rng([seed, 0])).frame.samples_dn
 
 
 def test_every_iso_sees_every_level_at_several_apertures_and_the_dark(campaign):
@@ -38,13 +31,9 @@ def test_every_iso_sees_every_level_at_several_apertures_and_the_dark(campaign):
             assert {one.lamp.luminance_cd_m2 for one in light} == {luminance}
         dark = [one for one in own if one.role == "dark"]
         assert len(dark) >= 3
+        # from the widest to the narrowest
         assert {one.settings.f_number for one in dark} == {1.7, 5.6, 16.0}
         assert {one.lamp.luminance_cd_m2 for one in dark} == {0.0}
-
-
-def test_apertures_run_from_widest_to_narrowest(campaign):
-    f_numbers = {shot.settings.f_number for shot in campaign.shots}
-    assert (min(f_numbers), max(f_numbers)) == (1.7, 16.0)
 
 
 def test_no_frame_is_overexposed_and_none_is_lost(campaign):
@@ -72,12 +61,6 @@ def test_a_readout_carries_the_very_same_region(campaign):
     assert window.row0 % 2 == window.col0 % 2 == 0  # the colours keep their order
 
 
-def test_files_are_named_as_a_camera_names_them(campaign):
-    names = [shot.frame for shot in campaign.shots]
-    assert names[:2] == ["DJI_0001", "DJI_0002"]
-    assert len(set(names)) == len(names)
-
-
 def values_of(campaign, scene, quantity):
     return [r["value"] for r in campaign.readings if (r["scene"], r["quantity"]) == (scene, quantity)]
 
@@ -90,16 +73,6 @@ def test_every_scene_is_measured_several_times_by_both_meters(campaign):
         assert np.mean(shown) == pytest.approx(luminance, rel=0.03)
         monitor = values_of(campaign, scene, "illuminance")
         assert np.ptp(monitor) / np.mean(monitor) < 0.02  # the lamp is steady
-
-
-def test_the_seed_decides_everything(campaign):
-    again, other = plan(5), plan(6)
-    assert again == campaign
-    assert other.readings != campaign.readings
-    window = Window(row0=1500, col0=2900, height=16, width=24)
-    first = expose(campaign, 1, window)
-    np.testing.assert_array_equal(expose(again, 1, window), first)
-    assert not np.array_equal(expose(other, 1, window, seed=6), first)
 
 
 class Sent:
@@ -137,27 +110,5 @@ def test_the_file_says_what_was_set_and_not_what_is_true(campaign, stage):
     assert np.divide(*exif["FNumber"]) == pytest.approx(shot.settings.f_number, rel=1e-6)
     assert np.divide(*exif["ExposureTime"]) == pytest.approx(shot.settings.exposure_time_s, rel=1e-6)
     assert shot.settings.f_number != campaign.camera.set_truly(shot.settings).f_number
-    np.testing.assert_array_equal(samples, expose(campaign, 1, window))
-
-
-def test_readout_and_full_frame_see_the_same_k(campaign):
-    """Signal over exposure gives the same K in both, to the noise of the mean, cut into strips or not."""
-    full = next(number for number, shot in enumerate(campaign.shots) if shot.window is None)
-    readout = campaign.shots[full + 1].window
-    tall = Window(row0=readout.row0 - 200, col0=readout.col0 - 300, height=900, width=1400)
-    found = [_k(campaign, full, window) for window in (readout, tall)]
-    truth = campaign.true_luminance_k[3200]
-    # 80 000 greens of some 1100 electrons each: 0.011 % for photons, 0.003 % for the fixed pattern's mean
-    assert found == pytest.approx([truth, truth], rel=6e-4)
-
-
-def _k(campaign, number, window):
-    samples = expose(campaign, number, window).astype(np.float64)
-    row, col = np.indices(samples.shape)
-    green = (row + window.row0 + col + window.col0) % 2 == 1
-    under = mask(ROI, window) & green
-    shot, camera = campaign.shots[number], campaign.camera
-    true, sensor = camera.set_truly(shot.settings), camera.sensor
-    dark = sensor.gain(3200) * sensor.dark_current_e_s * true.exposure_time_s
-    signal = samples[under].mean() - sensor.black_level_dn - dark
-    return signal / compute_rhs(true, luminance_cd_m2=shot.lamp.luminance_cd_m2)
+    truly = take(campaign.camera, replace(shot, window=window), np.random.default_rng([5, 0]))
+    np.testing.assert_array_equal(samples, truly.frame.samples_dn)

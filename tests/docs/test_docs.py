@@ -115,8 +115,14 @@ def test_every_exit_code_is_told():
     assert sorted(map(int, rows)) == sorted(Exit)
 
 
+TARGETS = set(re.findall(r"^([a-z]+):", read(ROOT / "Makefile"), re.MULTILINE))
+NAMED_SETTINGS = {f"STILB_{name.upper()}" for name in Settings.model_fields}
+for _path in (ROOT / "stilb" / "commands").glob("*.py"):
+    NAMED_SETTINGS |= set(re.findall(r'envvar="(\w+)"', read(_path)))
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_local_link_leads_somewhere(page):
+def test_every_link_target_setting_and_file_that_a_page_names_exists(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
         if re.match(r"[a-z]+:", target):
             continue
@@ -125,31 +131,14 @@ def test_every_local_link_leads_somewhere(page):
         assert there.exists(), target
         assert there.is_relative_to(ROOT), target
         assert not anchor or anchor in anchors(there), target
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_make_target_exists(page):
-    targets = set(re.findall(r"^([a-z]+):", read(ROOT / "Makefile"), re.MULTILINE))
-    named = set(re.findall(r"(?:^|`|[A-Z]+=\d )make ([a-z]+)", read(page), re.MULTILINE))
-    assert named <= targets
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_setting_that_is_named_exists(page):
-    settings = {f"STILB_{name.upper()}" for name in Settings.model_fields}
-    for path in sorted((ROOT / "stilb" / "commands").glob("*.py")):
-        settings |= set(re.findall(r'envvar="(\w+)"', read(path)))
-    for named in re.findall(r"\bSTILB_[A-Z_*]+", read(page)):
+    text = read(page)
+    assert set(re.findall(r"(?:^|`|[A-Z]+=\d )make ([a-z]+)", text, re.MULTILINE)) <= TARGETS
+    for named in re.findall(r"\bSTILB_[A-Z_*]+", text):
         if named.endswith("*"):
-            assert any(setting.startswith(named[:-1]) for setting in settings), named
+            assert any(setting.startswith(named[:-1]) for setting in NAMED_SETTINGS), named
         else:
-            assert named.removesuffix("_FILE") in settings
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_file_that_is_named_exists(page):
-    named = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:py|md|yml|toml|lock|svg))`", read(page)))
-    for path in named:
+            assert named.removesuffix("_FILE") in NAMED_SETTINGS
+    for path in set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:py|md|yml|toml|lock|svg))`", text)):
         assert (ROOT / path).exists(), path
 
 

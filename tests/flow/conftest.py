@@ -1,9 +1,9 @@
-"""One service of each kind for all tests that leave it as they found it, and the figures of a quiet run."""
+"""One service of each kind for all tests that leave it as they found it."""
 
 import pytest
 
 from tests.support.deployments import Composed, Embedded, short_folder
-from tests.support.fieldwork import figures_of, write_campaign
+from tests.support.fieldwork import write_campaign
 
 
 @pytest.fixture(scope="session")
@@ -21,11 +21,6 @@ def composed(postgres):
         yield deployment
 
 
-@pytest.fixture(params=["embedded", "composed"])
-def deployment(request):
-    return request.getfixturevalue(request.param)
-
-
 @pytest.fixture(scope="session")
 def shots(tmp_path_factory):
     """Thirty frames, of which K follows at two ISO values."""
@@ -35,13 +30,3 @@ def shots(tmp_path_factory):
 @pytest.fixture(scope="session")
 def shots_of_one_iso(shots):
     return shots[: len(shots) // 2]
-
-
-@pytest.fixture(scope="session")
-def quiet_figures(embedded, shots):
-    """What comes of the campaign when nothing disturbs: all other ways must end the same, to the last bit."""
-    with embedded.team() as team:
-        campaign = team.campaign()
-        frames = team.push(campaign, shots)
-        embedded.wait_for_jobs([frame.id for frame in frames])
-        return figures_of(team.client.calibrate(campaign.id))

@@ -72,5 +72,5 @@ def test_an_installed_server_has_what_lies_beside_its_code(embedded):
         page = http.get("/docs/errors")
         assert "stored_file_damaged" in page.text
         sheets = re.findall(r'href="(/static/[^"]+\.css)"', page.text)
-        assert {http.get(path).status_code for path in [*sheets, "/openapi.json"]} == {200}
+        assert {http.get(path).status_code for path in [*sheets, "/docs", "/openapi.json"]} == {200}
         assert sheets

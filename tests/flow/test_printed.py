@@ -15,7 +15,7 @@ from tests.support.printed import NO_CURL, link_checkout, read_blocks, type_in
 
 pytestmark = pytest.mark.skipif(shutil.which("curl") is None, reason=NO_CURL)
 
-SHAPE = (768, 1024)
+SHAPE = (640, 896)
 SERIES = "exposure_time_s,f_number,R,G,B\n" + "".join(
     f"{time_s},{f_number},{signal},{signal + 8},{signal}\n"
     for time_s in (0.01, 0.02, 0.04)
