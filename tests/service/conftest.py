@@ -1,5 +1,7 @@
 """The application alone, and the house for two organisations."""
 
+from uuid import uuid4
+
 import pytest
 from starlette.testclient import TestClient
 
@@ -43,6 +45,14 @@ def shared_house(request, tmp_path_factory):
 @pytest.fixture
 def stranger(house):
     """A client of another organisation, with every scope."""
-    founded = house.post("/v1/organisations", {"name": "Another City"})
+    founded = house.post("/v1/organisations", {"name": f"Another City {uuid4()}"})
     with house.with_key(founded["key"]["secret"]) as client:
+        yield client
+
+
+@pytest.fixture
+def visitor(house):
+    """A browser that is not signed in."""
+    with house.with_key("none") as client:
+        del client.headers["Authorization"]
         yield client

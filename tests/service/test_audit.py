@@ -9,14 +9,14 @@ from sqlalchemy import text
 from service.pages.rendering import Assets, build_environment
 from store.queries.audit import NAMES
 from store.tables.base import Audited, AuditedTogether, Base
+from tests.support.house import CAMERA
 
 pytestmark = pytest.mark.either_database
 
 
 def test_who_did_what_newest_first_and_a_page_at_a_time(house):
     campaign = house.campaign()
-    changed = house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"recorder": "B. Schulz"})
-    assert changed.status_code == 200
+    house.patch(f"/v1/campaigns/{campaign['id']}", {"recorder": "B. Schulz"})
     entries = house.get("/v1/audit", subject_id=campaign["id"])["items"]
     assert [e["action"] for e in entries] == ["campaign.change", "campaign.create"]
     assert entries[0]["before"] == {"recorder": None}
@@ -42,21 +42,15 @@ def test_who_did_what_newest_first_and_a_page_at_a_time(house):
 
 def test_another_organisation_sees_its_own_only(house, stranger):
     campaign = house.campaign()
-    own = stranger.post("/v1/cameras", json={"make": "DJI", "model": "X", "serial": "1"}).json()
+    own = stranger.post("/v1/cameras", json=CAMERA).json()
     entries = stranger.get("/v1/audit").json()["items"]
     assert [e["subject_id"] for e in entries] == [own["id"]]
     assert stranger.get("/v1/audit", params={"subject_id": campaign["id"]}).json()["items"] == []
 
 
 def test_only_an_admin_reads_it(house):
-    key = house.post("/v1/keys", {"name": "dashboard", "scopes": ["read", "publish"]})
-    with house.with_key(key["secret"]) as client:
+    with house.with_scopes("read", "publish") as client:
         assert client.get("/v1/audit").json()["code"] == "scope_missing"
-
-
-def test_a_cursor_that_is_none_is_refused(house):
-    for cursor in ("x", -1, 2**63):
-        assert house.get("/v1/audit", cursor=cursor, status=422)["code"] == "validation_failed"
 
 
 def test_what_names_an_entry_is_in_its_table():
@@ -109,7 +103,7 @@ def test_the_chain_is_checked_in_pieces_and_names_what_was_edited_or_deleted(hou
     monkeypatch.setattr("service.organisation.routes._MOST_CHECKED", 2)
     for number in range(3):
         house.campaign(project_number=str(number))
-        stranger.post("/v1/cameras", json={"make": "DJI", "model": "X", "serial": str(number)})
+        stranger.post("/v1/cameras", json=CAMERA | {"serial": str(number)})
     last, before, edited, *_ = entries = house.get("/v1/audit")["items"]
     assert check(house) == ("intact", len(entries), None)
     answer = house.get("/v1/audit/chain", after=before["seq"])

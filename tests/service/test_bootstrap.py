@@ -1,13 +1,11 @@
 """What a new installation starts from: a key that nobody guesses, in a folder that nobody else reads."""
 
-import os
 import secrets
 import stat
-import subprocess
-import sys
 
 import pytest
 
+from service import __main__ as serve
 from service.launch.folder import Exit, Refusal, close_to_others
 from service.launch.key import bootstrap_key, refuse_weak_key
 
@@ -45,18 +43,24 @@ def test_what_chance_makes_is_taken():
             refuse_weak_key(key, "STILB_KEY")
 
 
-def test_the_service_itself_refuses_a_weak_key(tmp_path):
-    environment = os.environ | {"STILB_DATA": str(tmp_path / "data"), "STILB_KEY": "secret"}
-    done = subprocess.run(
-        [sys.executable, "-m", "service"], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == Exit.CANNOT_START
-    assert done.stderr.startswith("stilb: the key in STILB_KEY has 6 characters")
-    assert done.stderr.count("\n") == 1
+def test_the_service_itself_refuses_a_weak_key(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("store.logs.configure_logging", lambda _: None)
+    monkeypatch.setenv("STILB_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("STILB_KEY", "secret")
+    assert serve.main() == Exit.CANNOT_START
+    said = capsys.readouterr().err
+    assert said.startswith("stilb: the key in STILB_KEY has 6 characters")
+    assert said.count("\n") == 1
 
 
 def mode_of(path):
     return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_a_key_is_made_once_for_its_owner_alone_unless_one_is_given(tmp_path):
+    made = bootstrap_key(tmp_path, "")
+    assert (bootstrap_key(tmp_path, FINE), bootstrap_key(tmp_path, "")) == (FINE, made)
+    assert mode_of(tmp_path / "key") == 0o600
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ GRID = {"corners": [[8, 8], [88, 8], [88, 56], [8, 56]], "rows": 2, "columns": 2
 
 @pytest.fixture(scope="module")
 def version(sqlite_house):
-    return published_campaign(sqlite_house, isos=(3200,), valid_from="2026-04-01T00:00:00Z")
+    return published_campaign(sqlite_house, isos=(3200,))
 
 
 @pytest.fixture
@@ -26,14 +26,13 @@ def house(sqlite_house):
 
 def measure(house, version, luminance, name, *, signal=None, **asked):
     campaign = house.campaign()
-    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=ROI)
+    house.put(f"/v1/campaigns/{campaign['id']}/roi", ROI)
     signal = luminance / PER_DN if signal is None else signal
     path = write_frame(house.folder / name, signal_dn=signal, seed=len(name), **SETTINGS)
     frame = house.upload(campaign, path.read_bytes(), role="field", filename=name)
     house.work()
     # an exposure of 1/50 s does not flicker at 50 Hz
-    body = {"frame_id": frame["id"], "calibration_id": version["id"], "mains_frequency_hz": 50.0, **asked}
-    return house.measure(**body)
+    return house.measure(frame_id=frame["id"], calibration_id=version["id"], mains_frequency_hz=50.0, **asked)
 
 
 def test_two_nights_with_one_version_are_compared_better_than_either_is_known(house, version):
@@ -120,7 +119,7 @@ def test_sodium_replaced_by_led_does_not_cancel_its_mismatch(house, version):
     """With no spectrum known both lines count; with both spectra known the change of colour is corrected."""
     campaign = {"id": version["campaign_id"]}
     stated = {"lamp": "A", "camera_response": "Nikon D5100", "focus_distance_m": 1.5, "acceptance": "guarded"}
-    assert house.http.patch(f"/v1/campaigns/{campaign['id']}", json=stated).status_code == 200
+    house.patch(f"/v1/campaigns/{campaign['id']}", stated)
     named = calibrate(house, campaign)
     certificate = house.get(f"/v1/calibrations/{named['id']}/certificate.json")
     assert certificate["result"]["spectral"] == {

@@ -1,35 +1,24 @@
 """Frames of full length with an empty part: left out of fits, and measured only when asked for by name."""
 
-import io
-
 import pytest
-import tifffile
 
 from store.tables import FrameRow
 from tests.support.campaigns import (
     ISOS,
     K_TRUE,
     LEVELS,
+    ROI,
     SETTINGS,
     calibrate,
     published_campaign,
     upload_campaign,
 )
-from tests.support.every_method import make_version
+from tests.support.frames import empty_lower_half
 
 pytestmark = pytest.mark.either_database
 
 PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
-IN_FORCE = {"valid_from": "2026-04-01T00:00:00Z", "reason": "spring"}
 BROKEN = ["image_part_empty"]
-
-
-def empty_lower_half(content):
-    """As a card that was pulled leaves a file whose length had been set before."""
-    with tifffile.TiffFile(io.BytesIO(content)) as file:
-        start, size = file.pages[0].dataoffsets[0], sum(file.pages[0].databytecounts)
-    half = start + size // 2
-    return content[:half] + bytes(start + size - half) + content[start + size :]
 
 
 def upload_field(house, campaign, *, change=lambda content: content, name="field.DNG"):
@@ -41,9 +30,7 @@ def upload_field(house, campaign, *, change=lambda content: content, name="field
 
 def field_campaign(house):
     campaign = house.campaign()
-    house.http.put(
-        f"/v1/campaigns/{campaign['id']}/roi", json={"polygon": [[8, 8], [88, 8], [88, 56], [8, 56]]}
-    )
+    house.put(f"/v1/campaigns/{campaign['id']}/roi", ROI)
     return campaign
 
 
@@ -53,7 +40,7 @@ def ask(house, frame, **more):
 
 @pytest.fixture
 def version(staged):
-    return staged(published_campaign, valid_from=IN_FORCE["valid_from"], reason=IN_FORCE["reason"])
+    return staged(published_campaign, isos=(3200,))
 
 
 @pytest.mark.usefixtures("version")
@@ -94,53 +81,21 @@ def test_a_frame_that_was_read_before_there_were_proofs_is_looked_at_first(house
     assert (done["state"], done["error"]["code"]) == ("failed", "image_part_empty")
 
 
-def test_light_and_dark_frames_with_empty_halves_change_no_fit(house):
-    campaign = upload_campaign(house, isos=ISOS[:1])
+def test_light_and_dark_frames_with_empty_halves_change_no_fit(house, staged):
+    campaign = staged(upload_campaign, isos=ISOS[:1])
     exposure_time_s, f_number = SETTINGS[0]
     settings = {"exposure_time_s": exposure_time_s, "f_number": f_number, "iso": ISOS[0]}
     signal = K_TRUE * exposure_time_s * ISOS[0] * LEVELS["level-2"] / f_number**2
-    for name, content, role in (
-        (
-            "cut-light.DNG",
-            house.frame_bytes(signal_dn=signal, seed=77, **settings),
-            {"role": "light", "scene": "level-2"},
-        ),
-        ("cut-dark.DNG", house.frame_bytes(signal_dn=0.0, seed=78, **settings), {"role": "dark"}),
-    ):
-        house.upload(campaign, empty_lower_half(content), filename=name, **role)
+    for signal_dn, more in ((signal, {"role": "light", "scene": "level-2"}), (0.0, {"role": "dark"})):
+        content = empty_lower_half(house.frame_bytes(signal_dn=signal_dn, seed=77, **settings))
+        house.upload(campaign, content, filename=f"cut-{more['role']}.DNG", **more)
     fitted = calibrate(house, campaign)
     assert next(c["value"] for c in fitted["coefficients"] if c["name"] == "luminance_k") == pytest.approx(
         K_TRUE, rel=0.01
     )
-    points = {
-        point["filename"] if "filename" in point else point["frame"]: point for point in fitted["points"]
-    }
-    cut = points["cut-light.DNG"]
+    (cut,) = (point for point in fitted["points"] if point["frame"] == "cut-light.DNG")
     assert not cut["used"]
     assert cut["left_out"].startswith("excluded by stilb: the image is empty in rows 32 to 63")
     verdicts = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
     failed = {each["filename"]: each["verdict"] for each in verdicts if each["filename"].startswith("cut")}
     assert {verdict["outcome"] for verdict in failed.values()} == {"fail"}
-
-
-@pytest.mark.parametrize("method", ["vignetting", "noise", "reflectance"])
-def test_every_method_leaves_a_frame_with_an_empty_half_out(method, sqlite_house):
-    house = sqlite_house
-    version = make_version(house, method)
-    used = [point["frame_id"] for point in version["points"] if point["used"]]
-    light = next(frame for frame in used if house.get(f"/v1/frames/{frame}")["role"] != "dark")
-    content = house.http.get(f"/v1/frames/{light}/content").content
-    campaign = {"id": version["campaign_id"]}
-    role = house.get(f"/v1/frames/{light}")["role"]
-    house.upload(campaign, empty_lower_half(content), role=role, filename="cut.DNG")
-    again = calibrate(house, campaign)
-    cut = [point for point in again["points"] if point["frame"] == "cut.DNG"]
-    assert cut
-    assert all("the image is empty in rows" in point["left_out"] for point in cut)
-    assert {_name(c): c["value"] for c in again["coefficients"]} == {
-        _name(c): c["value"] for c in version["coefficients"]
-    }
-
-
-def _name(coefficient):
-    return tuple(coefficient.get(part) for part in ("name", "f_number", "channel", "band"))

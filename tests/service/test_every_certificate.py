@@ -1,4 +1,4 @@
-"""The certificate of every method: complete, without null, printed, published; of what it lacks, warned."""
+"""A version of every method but luminance: as documented, certified, printed, published, compared."""
 
 import io
 import math
@@ -14,16 +14,22 @@ from service.documents.dcc import write_dcc
 from service.documents.rendered import render_apart
 from service.documents.schemas import CertificateAnswer, list_gaps
 from tests.support.campaigns import calibrate
-from tests.support.certificates import certificate_of, find_misprints, leaves
+from tests.support.certificates import (
+    certificate_of,
+    check_frames,
+    find_misprints,
+    leaves,
+    read_pages,
+)
 from tests.support.dcc import read_dcc
 from tests.support.every_method import (
     BOARD,
     PANEL_REFLECTANCE,
     PANEL_U,
     make_version,
-    reflectance_campaign,
     register_panel,
 )
+from tests.support.frames import empty_lower_half
 from tests.support.press import COMMAND
 
 OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
@@ -69,14 +75,11 @@ def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certific
     assert certificate["content_sha256"] == version["content_sha256"]
     assert certificate["configuration"] == version["configuration"]
     assert certificate["procedure"] != ""
-    used = {frame["frame"]: frame for frame in certificate["frames"]}
-    assert {point["frame"] for point in version["points"]} <= used.keys()
-    for frame in used.values():
-        row = sqlite_house.get(f"/v1/frames/{frame['id']}")
-        assert (row["sha256"], row["role"]) == (frame["sha256"], frame["role"])
-        assert frame["roi_sha256"] in {region["sha256"] for region in certificate["regions"]}
-        stored = {each["channel"]: each["mean_dn"] for each in row["statistics"]}
-        assert {each["channel"]: each["mean_dn"] for each in frame["statistics"]} == stored
+    frames = certificate["frames"]
+    assert {point["frame"] for point in version["points"]} <= {frame["frame"] for frame in frames}
+    regions = {region["sha256"] for region in certificate["regions"]}
+    assert {frame["roi_sha256"] for frame in frames} <= regions
+    check_frames(sqlite_house, certificate)
     columns = {column.name for column in methods.get_method(method).certificate.columns}
     assert columns <= methods.get_method(method).point.__dataclass_fields__.keys()
     assert certificate["traceability"]
@@ -87,16 +90,9 @@ def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certific
 def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certificate_by, method):
     version, certificate = version_of(method), certificate_by(method)
     stated = certificate["coefficients"]
-    bare = [
-        {
-            name: value
-            for name, value in row.items()
-            if name not in ("expanded_uncertainty", "coverage_factor", "effective_dof")
-        }
-        for row in stated
-    ]
-    assert bare == version["coefficients"]
-    for row in stated:
+    for row, plain in zip(stated, version["coefficients"], strict=True):
+        assert plain.items() <= row.items()
+        assert row.keys() - plain.keys() <= {"expanded_uncertainty", "coverage_factor", "effective_dof"}
         factor, u = row["coverage_factor"], row["standard_uncertainty"]
         assert 1.9 < factor < 13.0
         assert row["expanded_uncertainty"] == pytest.approx(factor * u, rel=1e-12)
@@ -110,8 +106,7 @@ def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certi
 @pytest.mark.parametrize("method", OTHERS)
 def test_a_dcc_has_its_coefficients_in_units_of_d_si(sqlite_house, version_of, certificate_by, method):
     path = f"/v1/calibrations/{version_of(method)['id']}/certificate.xml"
-    refused = sqlite_house.http.get(path, params={"country": "DE"})
-    assert (refused.status_code, "enter its customer" in refused.json()["detail"]) == (422, True)
+    assert "enter its customer" in sqlite_house.get(path, status=422, country="DE")["detail"]
     certificate = certificate_by(method)
     certificate["work"] |= {"customer": "A & <B>\x01", "first_day": "2026-05-01", "last_day": "2026-05-02"}
     root = read_dcc(write_dcc(certificate, country="DE", state="draft", document=b"{}"))
@@ -179,11 +174,9 @@ def test_every_number_on_paper_is_one_of_the_jsons(
         apart.setattr("service.documents.rendered.build_command", lambda _module: COMMAND)
         answer = sqlite_house.http.get(f"{path}/certificate.pdf")
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
-    reader = pypdf.PdfReader(io.BytesIO(answer.content))
-    pages = [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in reader.pages]
-    assert reader.attachments["certificate.json"] == [
-        sqlite_house.http.get(f"{path}/certificate.json").content
-    ]
+    attached = pypdf.PdfReader(io.BytesIO(answer.content)).attachments["certificate.json"]
+    assert attached == [sqlite_house.http.get(f"{path}/certificate.json").content]
+    pages = read_pages(answer.content)
     certificate = certificate_by(method)
     plot = sqlite_house.http.get(f"{path}/plot.svg")
     assert (plot.status_code, plot.headers["Content-Type"]) == (200, "image/svg+xml")
@@ -203,30 +196,62 @@ def test_every_number_on_paper_is_one_of_the_jsons(
 
 @pytest.mark.parametrize("method", OTHERS)
 def test_it_is_published_with_the_gaps_it_has_or_not_at_all(sqlite_house, version_of, method):
-    path = f"/v1/calibrations/{version_of(method)['id']}/publish"
-    body = {"valid_from": "2026-01-01T00:00:00Z", "reason": "spring"}
-    house = sqlite_house
+    house, version = sqlite_house, version_of(method)
     expected = {
         *("approver_missing", "author_missing", "laboratory_name_missing", "laboratory_address_missing"),
         *("customer_missing", "place_missing", "conditions_missing", "recorder_missing"),
         *(["lens_missing"] if method in ("sharpness", "geometry") else []),
     }
     try:
-        house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": True})
-        assert house.post(path, body, status=409)["code"] == "certificate_incomplete"
+        house.patch("/v1/organisation", {"refuses_incomplete_certificates": True})
+        assert house.publish(version, status=409)["code"] == "certificate_incomplete"
     finally:
-        house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": False})
-    found = {warning["code"] for warning in house.post(path, body, status=200)["warnings"]}
+        house.patch("/v1/organisation", {"refuses_incomplete_certificates": False})
+    found = {warning["code"] for warning in house.publish(version)["warnings"]}
     # a picture without its metadata does not say its day either
     assert found - {"date_missing"} == expected
-    assert certificate_of(house, version_of(method))["validity"]["state"] == "published"
+    assert certificate_of(house, version)["validity"]["state"] == "published"
+    # against itself every coefficient finds its own, none that of another channel
+    compared = house.get(f"/v1/calibrations/{version['id']}/impact", at="2026-06-01T00:00:00Z")[
+        "coefficients"
+    ]
+    assert len(compared) == len(version["coefficients"])
+    assert {row["difference"]["value"] for row in compared} == {0.0}
 
 
-def test_a_panel_without_its_uncertainty_is_a_gap(sqlite_house):
-    house = sqlite_house
-    campaign = reflectance_campaign(house)
-    panel = register_panel(house, serial="P-unsure", u=None)
-    certificate = certificate_of(house, calibrate(house, campaign, panel_id=panel["id"]))
+def test_the_points_of_a_fit_are_flat(sqlite_house, version_of):
+    version = version_of("vignetting")
+    text = sqlite_house.http.get(f"/v1/calibrations/{version['id']}/points.csv").text
+    head, *rows = text.splitlines()
+    assert "spots_count" in head.split(",")
+    assert "spots" not in head.split(",")
+    assert len(rows) == len(version["points"])
+    assert "[" not in text
+
+
+@pytest.mark.parametrize("method", ["vignetting", "noise", "reflectance"])
+def test_a_frame_with_an_empty_half_is_left_out(sqlite_house, version_of, method):
+    house, version = sqlite_house, version_of(method)
+    used = [house.get(f"/v1/frames/{point['frame_id']}") for point in version["points"] if point["used"]]
+    light = next(frame for frame in used if frame["role"] != "dark")
+    content = house.http.get(f"/v1/frames/{light['id']}/content").content
+    campaign = {"id": version["campaign_id"]}
+    house.upload(campaign, empty_lower_half(content), role=light["role"], filename="cut.DNG")
+    again = calibrate(house, campaign)
+    cut = [point["left_out"] for point in again["points"] if point["frame"] == "cut.DNG"]
+    assert cut
+    assert all("the image is empty in rows" in left_out for left_out in cut)
+    found, before = (
+        {tuple(c.get(part) for part in ("name", "f_number", "channel", "band")): c["value"] for c in each}
+        for each in (again["coefficients"], version["coefficients"])
+    )
+    assert found == before
+
+
+def test_a_panel_without_its_uncertainty_is_a_gap(sqlite_house, version_of):
+    campaign = {"id": version_of("reflectance")["campaign_id"]}
+    panel = register_panel(sqlite_house, serial="P-unsure", u=None)
+    certificate = certificate_of(sqlite_house, calibrate(sqlite_house, campaign, panel_id=panel["id"]))
     (gap,) = [gap for gap in certificate["gaps"] if gap["code"].startswith("panel")]
     assert gap["code"] == "panel_uncertainty_missing"
     assert "P-unsure" in gap["message"]
@@ -249,5 +274,4 @@ def test_a_campaign_without_a_checklist_says_so(sqlite_house, version_of):
         {"signature": {"name": "B. Operator"}},
         {"items": [{"key": "equipment_lamp", "done": True}]},
     ):
-        refused = sqlite_house.http.patch(path, json=body)
-        assert (refused.status_code, refused.json()["code"]) == (409, "no_checklist")
+        assert sqlite_house.patch(path, body, status=409)["code"] == "no_checklist"

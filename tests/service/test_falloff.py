@@ -1,11 +1,9 @@
 """K with vignetting: measured in a corner, through every step over HTTP."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import tifffile
 
 from radiometry.luminance.rows import Params
 from simulation.camera import change, take
@@ -13,9 +11,10 @@ from simulation.targets import FAST_LENS, plan_flats
 from store.codec import encode
 from store.fits import hash_content
 from store.tables import Calibration
-from tests.service.test_optics import SERIAL, raw_bytes
-from tests.support.campaigns import calibrate
+from tests.support.campaigns import calibrate, list_readings
+from tests.support.every_method import draw, raw_bytes
 from tests.support.frames import write_frame
+from tests.support.measuring import read_map
 
 pytestmark = pytest.mark.either_database
 
@@ -42,23 +41,19 @@ def frame_bytes(house, luminance, exposure_time_s, f_number, *, seed=1):
     signal = K * exposure_time_s * ISO * luminance / f_number**2 * LENS.share(f_number)
     changes = {"exposure_time_s": exposure_time_s, "f_number": f_number, "iso": ISO, "seed": seed}
     path = house.folder / "lit.dng"
-    return write_frame(path, signal_dn=signal, shape=signal.shape, serial=SERIAL, **changes).read_bytes()
+    return write_frame(path, signal_dn=signal, shape=signal.shape, **changes).read_bytes()
 
 
 def lit_campaign(house):
     campaign = house.campaign()
-    assert house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=CENTRE).status_code == 200
+    draw(house, campaign, CENTRE)
     for index, settings in enumerate(SETTINGS):
         dark = frame_bytes(house, 0.0, *settings, seed=90 + index)
         house.upload(campaign, dark, role="dark", filename=f"dark-{index}.DNG")
         for number, (scene, luminance) in enumerate(LEVELS.items()):
             light = frame_bytes(house, luminance, *settings, seed=10 * index + number)
             house.upload(campaign, light, role="light", scene=scene, filename=f"{scene}-{index}.DNG")
-    rows = [
-        {"scene": scene, "quantity": "luminance", "value": value * factor, "unit": "cd/m2"}
-        for scene, value in LEVELS.items()
-        for factor in (0.999, 1.001)
-    ]
+    rows = list_readings(LEVELS, factors=(0.999, 1.001))
     house.post(f"/v1/campaigns/{campaign['id']}/readings", rows)
     house.work()
     return campaign
@@ -156,9 +151,8 @@ def check_version(house, without, version, falloff):
 
 
 def check_map(house, found, falloff):
-    with tifffile.TiffFile(io.BytesIO(house.http.get(found["links"]["map_tif"]).content)) as file:
-        plane, said = file.asarray(), file.pages.first.description
-    assert falloff["content_sha256"] in said
+    plane, said, _ = read_map(house, found)
+    assert falloff["content_sha256"] in str(said)
     corner = plane[70:92, 112:140]
     assert np.mean(corner) == pytest.approx(found["mean"]["value"], rel=0.005)
     # by rings around the centre: even to the noise of their means
@@ -166,7 +160,7 @@ def check_map(house, found, falloff):
 
 
 def check_revoking(house, falloff, frame, version, found):
-    answer = house.post(f"/v1/calibrations/{falloff['id']}/revoke", {"reason": "uneven light"}, status=200)
+    answer = house.revoke(falloff)
     assert [touched["measurement_id"] for touched in answer["measurements"]] == [found["id"]]
     again = house.get(f"/v1/measurements/{found['id']}")
     assert "calibration_revoked" in flags(again)
@@ -178,11 +172,10 @@ def test_which_version_corrects_is_decided_when_the_fit_is_asked_for(house, stag
     falloff, campaign = staged(prepare)
     refused = ask(house, campaign, vignetting_id="in_force")
     assert (refused.status_code, refused.json()["code"]) == (409, "no_calibration_in_force")
-    publication = {"valid_from": "2026-01-01T00:00:00Z", "reason": "spring"}
-    house.post(f"/v1/calibrations/{falloff['id']}/publish", publication, status=200)
+    house.publish(falloff)
     assert ask(house, campaign, vignetting_id="in_force").status_code == 202
     later = fit_falloff(house, seed=2)
-    house.post(f"/v1/calibrations/{later['id']}/publish", publication, status=200)
+    house.publish(later)
     house.work()
     (version,) = house.get(f"/v1/campaigns/{campaign['id']}/calibrations")["items"]
     assert version["parameters"]["vignetting"] == falloff["content_sha256"]

@@ -8,37 +8,26 @@ import tifffile
 
 from radiometry import methods
 from service.documents.sheets import region_blocks
+from tests.service.test_rededge import ALBEDO, BANDS, CAMERA, DLS, LEVEL, PANEL, RADIANCE, name
+from tests.service.test_rededge import send as send_panel
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
+from tests.support.every_method import begin, draw
 
-BANDS = ("blue", "green", "red", "nir", "red_edge")
-SERIAL = "RP02-1603036-SC"
-# What the maker's own library makes of the region that was drawn by hand in the same files.
-RADIANCE = dict(zip(BANDS, (0.17028382, 0.17940027, 0.16221727, 0.10647021, 0.13081078), strict=True))
-DLS = dict(zip(BANDS, (1.084825, 0.983995, 0.921404, 0.486932, 0.771330), strict=True))
-LEVEL = dict(zip(BANDS, (0.886, 0.876, 0.869, 0.862, 0.866), strict=True))
-ALBEDO = dict(zip(BANDS, (0.67, 0.69, 0.68, 0.61, 0.67), strict=True))
+SERIAL = PANEL["serial"]
 DRAWN = [[690, 500], [770, 500], [770, 580], [690, 580]]  # on the panel in band 1
 
 
-def name(capture, band):
-    return f"0000SET_000_IMG_000{capture}_{BANDS.index(band) + 1}.tif"
-
-
 def send(house, campaign, band, *, capture=0, **query):
-    content = data_file(f"rededge/{name(capture, band)}").read_bytes()
-    return house.upload(campaign, content, filename=name(capture, band), role="panel", **query)
+    return send_panel(house, campaign, capture, band, role="panel", **query)
 
 
 def start(house, **more):
-    camera = house.camera(make="MicaSense", model="RedEdge", serial="1777777")
-    return house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance", **more})
+    return begin(house, "reflectance", CAMERA, **more)
 
 
-def put(house, path, polygon):
-    answer = house.http.put(path, json={"polygon": polygon})
-    assert answer.status_code == 200, answer.text
-    return answer.json()
+def draw_on(house, frame):
+    return house.put(f"/v1/frames/{frame['id']}/roi", {"polygon": DRAWN})
 
 
 def read(house, frame):
@@ -93,7 +82,7 @@ def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign,
     (table,) = region_blocks(certificate, "")
     assert all(f"found by the code of panel {SERIAL}" in row[0] for row in table["rows"])
     # what is decided of a frame later is not of this version
-    put(sqlite_house, f"/v1/frames/{frames['blue']['id']}/roi", DRAWN)
+    draw_on(sqlite_house, frames["blue"])
     assert sqlite_house.get(f"/v1/calibrations/{version['id']}/certificate.json") == certificate
 
 
@@ -150,9 +139,9 @@ def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
     offered = house.get(path)["panel_offered"]
     assert (offered["serial"], offered["registered"]) == (SERIAL, False)
     assert {band["band"]: band["reflectance"] for band in offered["bands"]} == {"blue": 0.67, "red": 0.68}
-    refused = house.http.patch(path, json={"panel_serial": "RP02-1603099-SC"})
-    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "body.panel_serial")
-    taken = house.http.patch(path, json={"panel_serial": SERIAL}).json()
+    refused = house.patch(path, {"panel_serial": "RP02-1603099-SC"}, status=422)
+    assert refused["errors"][0]["field"] == "body.panel_serial"
+    taken = house.patch(path, {"panel_serial": SERIAL})
     assert "panel_offered" not in taken
     panel = house.get(f"/v1/panels/{taken['panel_id']}")
     assert [(band["band"], band["origin"]) for band in panel["bands"]] == [("blue", "file"), ("red", "file")]
@@ -176,7 +165,7 @@ def test_the_file_s_own_region_is_taken_and_a_drawn_one_goes_before_it(sqlite_ho
         SERIAL,
     )
     assert frame["statistics"][0]["i_sq"] == pytest.approx(RADIANCE["blue"], rel=5e-3)
-    put(sqlite_house, f"/v1/frames/{frame['id']}/roi", DRAWN)
+    draw_on(sqlite_house, frame)
     drawn = read(sqlite_house, frame)
     assert (drawn["roi_origin"], "roi_found_by" in drawn) == ("drawn", False)
 
@@ -189,7 +178,7 @@ def test_a_region_that_comes_with_the_frame_is_kept(sqlite_house):
 
 def test_the_campaign_s_region_leaves_nothing_to_find(sqlite_house):
     campaign = start(sqlite_house)
-    put(sqlite_house, f"/v1/campaigns/{campaign['id']}/roi", DRAWN)
+    draw(sqlite_house, campaign, {"polygon": DRAWN})
     frame = read(sqlite_house, send(sqlite_house, campaign, "blue"))
     assert not {"roi_id", "roi_origin"} & frame.keys()
     assert frame["panel_serial"] == SERIAL  # read all the same, for the comparison with the campaign's
@@ -201,9 +190,9 @@ def test_a_region_drawn_later_takes_the_found_one_s_place(sqlite_house):
     found = read(sqlite_house, send(sqlite_house, campaign, "blue"))
     assert found["roi_origin"] == "found"
     # a frame's own region goes before its campaign's, found or drawn
-    put(sqlite_house, f"/v1/campaigns/{campaign['id']}/roi", DRAWN)
+    draw(sqlite_house, campaign, {"polygon": DRAWN})
     assert read(sqlite_house, found)["roi_id"] == found["roi_id"]
-    put(sqlite_house, f"/v1/frames/{found['id']}/roi", DRAWN)
+    draw_on(sqlite_house, found)
     drawn = read(sqlite_house, found)
     assert (drawn["roi_origin"], drawn["panel_serial"], drawn["state"]) == ("drawn", SERIAL, "extracted")
     assert drawn["statistics"][-1]["n"] == 80 * 80
@@ -215,12 +204,12 @@ def test_a_region_drawn_while_the_code_is_looked_for_stays(sqlite_house, monkeyp
     """Somebody draws between the worker's first look at the frame and the end of its work."""
     spec, drawn = methods.get_method("reflectance"), []
 
-    def draw(*args, **kwargs):
-        drawn.append(put(sqlite_house, f"/v1/frames/{frame['id']}/roi", DRAWN))
+    def draw_first(*args, **kwargs):
+        drawn.append(draw_on(sqlite_house, frame))
         return spec.find_region(*args, **kwargs)
 
     frame = send(sqlite_house, start(sqlite_house), "blue")
-    monkeypatch.setattr(methods, "get_method", lambda _: replace(spec, find_region=draw))
+    monkeypatch.setattr(methods, "get_method", lambda _: replace(spec, find_region=draw_first))
     between = read(sqlite_house, frame)
     assert len(drawn) == 1
     assert (between["roi_id"], between["roi_origin"]) == (drawn[0]["roi_id"], "drawn")
@@ -238,8 +227,7 @@ def test_without_a_code_a_region_is_asked_for(sqlite_house):
 
 def test_a_found_panel_goes_when_the_frame_turns_out_to_be_of_the_flight(sqlite_house):
     frame = read(sqlite_house, send(sqlite_house, start(sqlite_house), "blue"))
-    answer = sqlite_house.http.patch(f"/v1/frames/{frame['id']}", json={"role": "field"})
-    assert answer.status_code == 200, answer.text
+    sqlite_house.patch(f"/v1/frames/{frame['id']}", {"role": "field"})
     assert not {"roi_id", "roi_origin"} & read(sqlite_house, frame).keys()
-    sqlite_house.http.patch(f"/v1/frames/{frame['id']}", json={"role": "panel"})
+    sqlite_house.patch(f"/v1/frames/{frame['id']}", {"role": "panel"})
     assert read(sqlite_house, frame)["roi_id"] == frame["roi_id"]

@@ -20,9 +20,7 @@ def grid(house, campaign, **query):
 
 def change(house, campaign, frames, **said):
     body = {"frame_ids": [frame["id"] for frame in frames], **said}
-    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}/frames", json=body)
-    assert answer.status_code == 200, answer.text
-    return answer.json()
+    return house.patch(f"/v1/campaigns/{campaign['id']}/frames", body)
 
 
 @pytest.fixture
@@ -141,15 +139,14 @@ def test_frames_that_are_not_as_the_request_says_are_not_changed(house, campaign
     change(house, campaign, rows[:1], expected={"scene": "a", "withdrawn": False}, scene="b")
     stale = {"scene": "a", "role": "light", "left_out": False, "withdrawn": False}
     body = {"frame_ids": [row["id"] for row in rows[:2]], "expected": stale, "withdrawn": True}
-    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}/frames", json=body)
-    assert (answer.status_code, answer.json()["code"]) == (409, "changed_meanwhile")
-    assert re.search(r"^a-4\.dng was changed by .+ meanwhile: its scene is b\.", answer.json()["detail"])
+    answer = house.patch(f"/v1/campaigns/{campaign['id']}/frames", body, status=409)
+    assert answer["code"] == "changed_meanwhile"
+    assert re.search(r"^a-4\.dng was changed by .+ meanwhile: its scene is b\.", answer["detail"])
     assert not any(row["withdrawn"] for row in grid(house, campaign)[0])
     # and a frame of another campaign is refused
     other = house.campaign()
     body = {"frame_ids": [rows[0]["id"]], "scene": "x"}
-    answer = house.http.patch(f"/v1/campaigns/{other['id']}/frames", json=body)
-    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed")
+    assert house.patch(f"/v1/campaigns/{other['id']}/frames", body, status=422)["code"] == "validation_failed"
 
 
 def test_a_withdrawn_reading_is_restored(house):
@@ -167,7 +164,8 @@ def test_a_campaign_takes_another_camera_without_sending_again(house):
     campaign = house.campaign(camera_id=wrong["id"], place="attic")
     frame = house.upload(campaign, house.frame_bytes(), role="dark")
     house.work()
-    assert house.get(f"/v1/frames/{frame['id']}")["state"] == "refused"
+    assert house.get(f"/v1/frames/{frame['id']}")["refusal"]["code"] == "wrong_camera"
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["frames"]["refused"] == 1
     path = f"/v1/campaigns/{campaign['id']}"
     said = house.http.patch(
         path, json={"camera_id": house.camera()["id"], "place": "", "archived": True}

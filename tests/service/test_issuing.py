@@ -4,6 +4,8 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from hashlib import sha256
+from itertools import chain, repeat
+from unittest.mock import DEFAULT, Mock
 
 import pytest
 from sqlalchemy import func, select, update
@@ -18,11 +20,11 @@ from store.tables import FrameRow, IssuedCertificate, Publication
 from tests.support.blobs import put, zero
 from tests.support.campaigns import calibrate, calibrated_campaign
 from tests.support.certificates import complete_version
+from tests.support.house import KEY, PUBLICATION
 
 pytestmark = pytest.mark.either_database
 
 PLAIN = {"Accept-Encoding": "identity"}
-PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring, reviewed"}
 
 
 @pytest.fixture
@@ -30,10 +32,21 @@ def version(staged):
     return staged(calibrated_campaign, isos=(3200,))
 
 
-def publish(house, version, *, status=200, key=None, **changes):
+@pytest.fixture
+def unissued(house, version, monkeypatch):
+    """Two versions as at an upgrade: rows of publications, and nothing issued."""
+    versions = (version, calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05))
+    with monkeypatch.context() as before:
+        before.setattr("store.publications.keep_issued", lambda *_: None)
+        for each in versions:
+            publish(house, each)
+    return versions
+
+
+def publish(house, version, *, key=None, **changes):
     headers = {"Idempotency-Key": key} if key else {}
     path = f"/v1/calibrations/{version['id']}/publish"
-    return house.post(path, PUBLICATION | changes, status=status, **headers)
+    return house.post(path, PUBLICATION | changes, status=200, **headers)
 
 
 def fetch(house, version, form, amendment=None):
@@ -75,11 +88,11 @@ def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, mon
     assert issued["approved_by"] == issued["fitted_by"] == {"name": "A. Meier", "role": "physicist"}
 
     revise(monkeypatch)
-    house.http.patch(f"/v1/campaigns/{version['campaign_id']}", json={"customer": "Another"})
-    house.http.patch("/v1/organisation", json={"name": "Renamed"})
+    house.patch(f"/v1/campaigns/{version['campaign_id']}", {"customer": "Another"})
+    house.patch("/v1/organisation", {"name": "Renamed"})
     newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
     publish(house, newer)
-    house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "wrong lamp"}, status=200)
+    house.revoke(version)
     for form, answer in before.items():
         assert fetch(house, version, form).content == answer.content
     assert fetch(house, newer, "json").json()["statements"][0] == "Another sentence."
@@ -88,14 +101,16 @@ def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, mon
     assert (now["state"], now["revoked_reason"]) == ("revoked", "wrong lamp")
     assert now["certificates"] == published["certificates"]
     assert check_rows(house.database).faults == []
+    # nor does the database let go of it
+    for change in (update(IssuedCertificate).values(number="x"), IssuedCertificate.__table__.delete()):
+        with pytest.raises(DBAPIError, match=r"never (change|deleted)"), house.database.engine.begin() as c:
+            c.execute(change)
 
 
 def test_a_later_publication_issues_an_amendment_beside_the_original(house, version):
     first = publish(house, version)["certificates"][0]
     original = {form: fetch(house, version, form).content for form in ("json", "pdf")}
-    assert house.http.patch(
-        f"/v1/campaigns/{version['campaign_id']}", json={"customer": "Lansing"}
-    ).is_success
+    house.patch(f"/v1/campaigns/{version['campaign_id']}", {"customer": "Lansing"})
     _, second = publish(house, version, reason="the customer was missing")["certificates"]
     amended = fetch(house, version, "json", 1).json()
     assert second["number"] == amended["number"] == f"{first['number']}-amendment-1"
@@ -124,7 +139,7 @@ def test_nothing_is_published_without_its_certificate(house, version, monkeypatc
         "room": "store.blobs.spool.Blobs.keep",
         "commit": "store.publications.keep_issued",
     }[fault]
-    client = house.with_key("stilb_test_key")
+    client = house.with_key(KEY)
     with monkeypatch.context() as during:
         during.setattr(place, fail)
         answer = client.post(f"/v1/calibrations/{version['id']}/publish", json=PUBLICATION)
@@ -172,9 +187,9 @@ def test_a_certificate_that_rots_is_noticed_and_nothing_takes_its_place(house, v
     (issued,) = publish(house, version)["certificates"]
     pdf, digest = fetch(house, version, "pdf").content, issued["pdf_sha256"]
     zero(house.folder, digest, first=900, count=2000)
-    answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf")
-    assert (answer.status_code, answer.json()["code"]) == (500, "stored_file_damaged")
-    assert f"{digest} of certificate {issued['number']} is damaged" in answer.json()["detail"]
+    answer = house.get(f"/v1/calibrations/{version['id']}/certificate.pdf", status=500)
+    assert answer["code"] == "stored_file_damaged"
+    assert f"{digest} of certificate {issued['number']} is damaged" in answer["detail"]
     assert house.get("/readyz")["damaged_files"] == 1
     # the operator brings it back
     put(house.blobs, pdf)
@@ -182,39 +197,22 @@ def test_a_certificate_that_rots_is_noticed_and_nothing_takes_its_place(house, v
     assert fetch(house, version, "pdf").content == pdf
 
 
-def test_the_database_holds_what_was_issued(house, version):
-    publish(house, version)
-    for change in (update(IssuedCertificate).values(number="x"), IssuedCertificate.__table__.delete()):
-        with pytest.raises(DBAPIError, match=r"never (change|deleted)"), house.database.engine.begin() as c:
-            c.execute(change)
-
-
-def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, version, monkeypatch):
-    """As at an upgrade: rows of publications, and nothing issued."""
-    newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
-    for each in (version, newer):
-        monkeypatch.setattr("store.publications.keep_issued", lambda *_: None)
-        publish(house, each)
-    monkeypatch.undo()
+def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, unissued, monkeypatch):
+    version, _ = unissued
     backlog = Backlog(house.app.state.context)
-
-    def die(_order, **_):
-        raise KeyboardInterrupt
-
     with monkeypatch.context() as during:
-        during.setattr("service.documents.rendered.render_apart", die)
+        during.setattr("service.documents.rendered.render_apart", Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             backlog.issue_next()
     assert count(house, IssuedCertificate) == 0
-    monkeypatch.setattr("service.documents.rendered.render_apart", lambda order, **_: render(order))
     # whoever asks need not wait for its turn
     asked = fetch(house, version, "json")
     assert (backlog.issue_next(), backlog.issue_next()) == (1.0, 3600.0)
     assert count(house, IssuedCertificate) == 2
-    before = {each["id"]: fetch(house, each, "pdf").content for each in (version, newer)}
+    before = [fetch(house, each, "pdf").content for each in unissued]
     revise(monkeypatch)
     assert backlog.issue_next() == 3600.0
-    assert {each["id"]: fetch(house, each, "pdf").content for each in (version, newer)} == before
+    assert [fetch(house, each, "pdf").content for each in unissued] == before
     assert fetch(house, version, "json").content == asked.content
     certificate = json.loads(asked.content)
     assert certificate["issued"]["at_upgrade"] is True
@@ -225,22 +223,11 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
     assert [each["at_upgrade"] for each in publish(house, version)["certificates"]] == [True, False]
 
 
-def test_one_that_cannot_be_issued_yet_keeps_no_other_waiting(house, version, monkeypatch):
-    newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
-    with monkeypatch.context() as before:
-        before.setattr("store.publications.keep_issued", lambda *_: None)
-        for each in (version, newer):
-            publish(house, each)
-    build = house.app.state.context.reviews.find
-    calls = []
-
-    def fail_first(*given, **named):
-        calls.append(given)
-        if len(calls) == 1:
-            raise KeyError("a damaged record")
-        return build(*given, **named)
-
-    monkeypatch.setattr(house.app.state.context.reviews, "find", fail_first)
+@pytest.mark.usefixtures("unissued")
+def test_one_that_cannot_be_issued_yet_keeps_no_other_waiting(house, monkeypatch):
+    reviews = house.app.state.context.reviews
+    fail_first = Mock(side_effect=chain([KeyError("a damaged record")], repeat(DEFAULT)), wraps=reviews.find)
+    monkeypatch.setattr(reviews, "find", fail_first)
     backlog = Backlog(house.app.state.context)
     assert [backlog.issue_next() for _ in range(3)] == [1.0, 1.0, 3600.0]
     assert count(house, IssuedCertificate) == 1

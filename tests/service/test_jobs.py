@@ -52,8 +52,7 @@ def test_only_what_was_given_up_is_tried_again_and_the_trail_says_by_whom(house)
     job = house.get(address)
     assert (job["filename"], job["campaign_id"]) == ("DJI_0001.DNG", frame["campaign_id"])
     assert house.get("/v1/jobs")["items"] == [job]
-    made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
-    with house.with_key(made["secret"]) as client:
+    with house.with_scopes("read", "calibrate") as client:
         answer = client.post(f"{address}/retry")
     assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
     assert "'upload'" in answer.json()["detail"]
@@ -105,8 +104,7 @@ def test_all_jobs_that_failed_are_tried_again_at_once_and_the_trail_says_by_whom
 
 def test_trying_many_again_needs_every_scope_that_starting_them_needed_and_repeated_answers_the_same(house):
     failed_job(house)
-    made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
-    with house.with_key(made["secret"]) as client:
+    with house.with_scopes("read", "calibrate") as client:
         answer = client.post("/v1/jobs/retry", json={"state": "failed"})
         assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
         assert client.post("/v1/jobs/retry", json={"state": "failed", "kind": "fit"}).status_code == 202
@@ -150,8 +148,7 @@ def test_failures_are_grouped_by_cause_and_dismissed_until_they_are_tried_again(
     assert [each["count"] for each in house.get("/v1/jobs/causes")["items"]] == [2, 1]
     assert stranger.get("/v1/jobs/causes").json() == {"items": []}
     assert stranger.post("/v1/jobs/dismiss", json={"state": "failed"}).json() == {"dismissed": 0}
-    made = house.post("/v1/keys", {"name": "other", "scopes": ["read"]})
-    with house.with_key(made["secret"]) as client:
+    with house.with_scopes("read") as client:
         assert client.post("/v1/jobs/dismiss", json=chosen).json()["code"] == "scope_missing"
 
 
@@ -202,8 +199,12 @@ def test_every_upload_names_the_job_that_reads_its_frame(house):
     assert house.get(f"/v1/frames/{frame['id']}")["job_id"] == job
 
 
-def test_jobs_are_found_by_what_they_work_on_and_what_they_made(house, stranger):
-    version = published_campaign(house, isos=(3200,))
+@pytest.fixture
+def version(staged):
+    return staged(published_campaign, isos=(3200,))
+
+
+def test_jobs_are_found_by_what_they_work_on_and_what_they_made(house, version, stranger):
     campaign = version["campaign_id"]
     frame = field_frame(house, campaign)
     measured = [

@@ -62,18 +62,14 @@ def test_the_answer_is_never_an_old_one(house, sent):
     assert [known["role"] for known in ask(house, campaign, sha256, **key)["known"]] == ["dark"]
 
 
-@pytest.mark.parametrize("hashes", [[], ["0" * 63], ["A" * 64], ["0" * 64] * (MOST_HASHES + 1)])
-def test_what_is_no_list_of_hashes_is_refused(house, sent, hashes):
+def test_what_is_no_list_of_hashes_is_refused(house, sent):
     campaign, _ = sent
-    assert ask(house, campaign, *hashes, status=422)["code"] == "validation_failed"
-
-
-def test_a_hash_that_is_none_is_told_what_one_looks_like(house, sent):
-    campaign, _ = sent
-    problem = ask(house, campaign, "0" * 63, status=422)
-    assert problem["errors"] == [
-        {"field": "body.sha256.0", "message": "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
-    ]
+    for hashes in ([], ["0" * 63], ["A" * 64], ["0" * 64] * (MOST_HASHES + 1)):
+        problem = ask(house, campaign, *hashes, status=422)
+        assert problem["code"] == "validation_failed"
+        assert len(hashes) != 1 or problem["errors"] == [
+            {"field": "body.sha256.0", "message": "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
+        ]
 
 
 def test_as_many_as_a_request_may_hold(house, sent):

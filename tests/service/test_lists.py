@@ -41,12 +41,6 @@ def test_the_next_page_is_asked_for_in_the_same_way(lists):
     assert second["next"] is None
 
 
-def test_a_filter_that_no_list_has_is_refused_with_its_name(lists):
-    answer = lists.get("/v1/cameras?seral=1")
-    assert answer.status_code == 422
-    assert "seral" in answer.text
-
-
 @pytest.fixture(scope="module")
 def cursors(sqlite_house):
     """Every address that takes a cursor, and a cursor of another list."""

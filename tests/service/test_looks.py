@@ -32,8 +32,7 @@ def frame(house, campaign):
 
 
 def test_a_region_is_looked_at_without_being_set(house, campaign, frame):
-    who_reads = house.post("/v1/keys", {"name": "viewer", "scopes": ["read"]})
-    with house.with_key(who_reads["secret"]) as viewer:
+    with house.with_scopes("read") as viewer:
         job = viewer.post(f"/v1/frames/{frame['id']}/region", json={"polygon": CORNERS}).json()
     house.work()
     looked = house.get(f"/v1/jobs/{job['id']}")["result"]

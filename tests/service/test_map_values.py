@@ -1,13 +1,12 @@
 """A map's numbers against its TIFF: windows and means, and isolines."""
 
-import io
-
 import numpy as np
 import pytest
 import tifffile
 
 from service.measurements.maps import Layout, Window, read_layout, read_values, uncertainty_of
 from tests.support.campaigns import published_campaign
+from tests.support.measuring import read_map
 from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
 
 
@@ -15,7 +14,7 @@ from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
 def measured(sqlite_house):
     """A measurement of a noisy ramp with a saturated spot and a dark corner, with lanes and its map."""
     house = sqlite_house
-    published_campaign(house, isos=(3200,), valid_from="2026-04-01T00:00:00Z")
+    published_campaign(house, isos=(3200,))
     samples = np.tile(np.linspace(200.0, 2000.0, 96), (64, 1))
     samples += np.random.default_rng(5).normal(0.0, 3.0, samples.shape)
     samples[40:42, 60:62] = 9000.0
@@ -37,26 +36,21 @@ def house(sqlite_house):
     return sqlite_house
 
 
-def tiff_of(house, measurement):
-    return tifffile.imread(io.BytesIO(house.http.get(measurement["links"]["map_tif"]).content))
-
-
 def values_of(answer):
     return np.array(answer["values"], dtype=np.float32)
 
 
-def test_every_value_is_the_tiffs_to_the_last_bit(house, measured):
+def test_every_value_is_the_tiffs_to_the_last_bit(house, measured, plane):
     answer = house.get(f"/v1/measurements/{measured['id']}/map.json")
-    plane = tiff_of(house, measured)
     assert (answer["unit"], answer["height_px"], answer["width_px"]) == ("cd/m2", 64, 96)
     assert np.array_equal(values_of(answer), plane, equal_nan=True)
     assert answer["values"][40][60] is None
 
 
-def test_a_window_and_its_means(house, measured):
+def test_a_window_and_its_means(house, measured, plane):
     asked = {"top": 3, "left": 10, "height": 13, "width": 21, "step": 4}
     answer = house.get(f"/v1/measurements/{measured['id']}/map.json", **asked)
-    part = tiff_of(house, measured)[3:15, 10:30]
+    part = plane[3:15, 10:30]
     assert values_of(answer) == pytest.approx(part.reshape(3, 4, 5, 4).mean((1, 3)), rel=1e-6)
     whole = house.get(f"/v1/measurements/{measured['id']}/map.json", step=8)
     assert values_of(whole).shape == (8, 12)
@@ -162,9 +156,9 @@ def ask(house, measured, name, **query):
     return house.get(f"/v1/measurements/{measured['id']}/{name}", **query)
 
 
-@pytest.fixture
-def plane(house, measured):
-    return tiff_of(house, measured)
+@pytest.fixture(scope="module")
+def plane(sqlite_house, measured):
+    return read_map(sqlite_house, measured)[0]
 
 
 def test_isolines_of_a_ramp_are_upright_lines(house, measured, plane):

@@ -3,11 +3,10 @@
 import csv
 import io
 import json
+from functools import partial
 
 import numpy as np
-import pypdf
 import pytest
-import tifffile
 from jsonschema import Draft202012Validator
 from PIL import Image
 
@@ -18,7 +17,9 @@ from service.documents.report import tabulate_cells, tabulate_flags
 from store.tables import FrameRow
 from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
+from tests.support.certificates import read_pages
 from tests.support.frames import forget_time, place_frame, write_frame
+from tests.support.measuring import read_map
 from tests.support.resumable import PIECE, begin_upload
 
 pytestmark = pytest.mark.either_database
@@ -27,19 +28,18 @@ SETTINGS = {"exposure_time_s": 0.02, "f_number": 4.0, "iso": 3200}
 PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
 CORNERS = [[8, 8], [88, 8], [88, 56], [8, 56]]
 ROAD = np.array([[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]]) * 15
-IN_FORCE = {"valid_from": "2026-04-01T00:00:00Z", "reason": "spring"}
 
 
 @pytest.fixture
 def version(staged):
     """A published calibration of K = 2."""
-    return staged(published_campaign, valid_from=IN_FORCE["valid_from"], reason=IN_FORCE["reason"])
+    return staged(published_campaign, isos=(3200,))
 
 
 def field_campaign(house, roi=ROI):
     campaign = house.campaign()
     if roi:
-        house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=roi)
+        house.put(f"/v1/campaigns/{campaign['id']}/roi", roi)
     return campaign
 
 
@@ -74,8 +74,8 @@ def test_a_frame_of_known_luminance_comes_back_within_its_uncertainty(house, ver
     assert mean["unit"] == "cd/m2"
     used = found["calibration"]
     assert (used["id"], used["version"], used["state"]) == (version["id"], 1, "published")
-    assert "version 1 is in force from 2026-04-01T00:00:00Z on" in used["why"]
-    assert used["why"].endswith(": spring")
+    assert "version 1 is in force from 2026-05-01T00:00:00Z on" in used["why"]
+    assert used["why"].endswith(": first")
     k = next(c for c in version["coefficients"] if (c["iso"], c.get("f_number")) == (3200, 4.0))
     shares = {row["source"]: row for row in found["budget"]}
     assert sum(row["variance_share"] for row in found["budget"]) == pytest.approx(1.0)
@@ -145,7 +145,7 @@ def test_a_lit_surface(house):
     assert np.array([corner for _, corner in ends]) == pytest.approx(np.array([[2.4, 3.5 / 3], [12, 24]]))
     assert house.get(f"/v1/measurements/{found['id']}/cells.geojson")["coordinates_in"] == "pixel"
     check_report(house, measure(house, frame, grid=grid, products=["map"]))
-    bare = read_pages(house.http.get(f"/v1/measurements/{whole['id']}/report.pdf").content)
+    bare = read_words(house.http.get(f"/v1/measurements/{whole['id']}/report.pdf").content)
     assert (len(bare), "Measured without a map" in bare[0]) == (2, True)
     # half of the rectangle, which is not seen in perspective
     assert (field["rows"], field["columns"]) == (3, 10)
@@ -165,15 +165,15 @@ def check_report(house, found):
         )
         answer = house.http.get(path)
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
-    first, second = read_pages(answer.content)
+    first, second = read_words(answer.content)
     u_o = " ".join(in_step(found["u_o"]["value"], found["u_o"]["standard_uncertainty"]))
     for said in (f"Overall uniformity U_o {u_o}", "road.DNG", "Seen from above", "0.266"):
         assert said in first
-    for said in ("meter calibration", found["content_sha256"], "from 2026-04-01", "spring"):
+    for said in ("meter calibration", found["content_sha256"], "from 2026-05-01", "first"):
         assert said in second
     assert laid[0]["picture"]["svg"].count("<polygon") == 16
     cell = found["grid"]["cells"][0][0]
-    for rows, columns in ((6, 14), (14, 6), (40, 30)):
+    for rows, columns in ((14, 6), (40, 30)):
         grid = found["grid"] | {"rows": rows, "columns": columns, "cells": [[cell] * columns] * rows}
         cells = tabulate_cells(grid)
         flags = tabulate_flags([{"flag": "roi_elsewhere", "where": "", "detail": "long " * 60}] * 8)
@@ -181,9 +181,8 @@ def check_report(house, found):
     assert "16 of 40 rows and 16 of 30 columns" in cells["caption"]
 
 
-def read_pages(pdf):
-    pages = pypdf.PdfReader(io.BytesIO(pdf)).pages
-    return ["".join(" ".join(page.extract_text().split()).split("\u200b")) for page in pages]
+def read_words(pdf):
+    return [" ".join(page.split()) for page in read_pages(pdf)]
 
 
 @pytest.mark.usefixtures("version")
@@ -204,7 +203,7 @@ def test_the_headline_is_of_the_drawn_surface(house):
         assert found["illuminance"]["value"] == pytest.approx(np.pi * found["mean"]["value"] / 0.2)
     assert ends == [("campaign", 10), ("grid", 20), ("request", 10)]
     assert found["l_av_cd_m2"]["value"] == pytest.approx(20.0, rel=0.03)
-    house.http.put(f"/v1/frames/{frame['id']}/roi", json=left(30))
+    house.put(f"/v1/frames/{frame['id']}/roi", left(30))
     house.work()
     own = measure(house, frame)
     assert (own["region_origin"], own["region"]) == (
@@ -218,8 +217,7 @@ def test_the_headline_is_of_the_drawn_surface(house):
 def test_the_light_of_a_campaign_counts_unless_the_request_states_another(house):
     campaign = field_campaign(house)
     light = {"lamp_kind": "led", "mains_frequency_hz": 60.0}
-    changed = house.http.patch(f"/v1/campaigns/{campaign['id']}", json=light)
-    assert light.items() <= changed.json().items()
+    assert light.items() <= house.patch(f"/v1/campaigns/{campaign['id']}", light).items()
     frame = field_frame(house, campaign)
 
     def flicker(**asked):
@@ -264,13 +262,10 @@ def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
     assert answer.headers["Content-Disposition"].endswith(f"''field-{found['id']}.tif")
     again = house.http.get(links["map_tif"], headers={"If-None-Match": answer.headers["ETag"]})
     assert (again.status_code, again.content) == (304, b"")
-    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
-        page = file.pages[0]
-        told = json.loads(page.description)
-        values = page.asarray()
+    values, told, tags = read_map(house, found)
     assert (values.shape, values.dtype) == ((64, 96), np.float32)
     assert told["unit"] == "cd/m2"
-    assert b' drone-dji:GimbalPitchDegree="-89.9"' in page.tags["XMP"].value
+    assert b' drone-dji:GimbalPitchDegree="-89.9"' in tags["XMP"]
     assert told["calibration"] == {
         "id": version["id"],
         "version": 1,
@@ -302,8 +297,7 @@ def test_a_map_that_is_not_there_or_lost_is_made_by_measuring_again(house):
     sha256 = before.headers["ETag"].strip('"')
     zero(house.folder, sha256, first=500, count=900)
     for lost in (address, f"/v1/measurements/{found['id']}/map.json"):
-        answer = house.http.get(lost)
-        assert (answer.status_code, answer.json()["code"]) == (500, "stored_file_damaged")
+        assert house.get(lost, status=500)["code"] == "stored_file_damaged"
     assert measure(house, frame, products=["map"])["id"] == found["id"]
     assert house.http.get(address).content == before.content
 
@@ -329,7 +323,7 @@ def test_an_iso_that_was_not_calibrated_and_a_frame_of_another_camera_are_refuse
     frame = field_frame(house, field_campaign(house), iso=100)
     problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=422)
     assert problem["code"] == "iso_not_calibrated"
-    assert "ISO 100; this calibration holds ISO 3200, 6400" in problem["detail"]
+    assert "ISO 100; this calibration holds ISO 3200" in problem["detail"]
     other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "OTHER"})
     campaign = house.post("/v1/campaigns", {"camera_id": other["id"], "method": "luminance"})
     frame = field_frame(house, campaign, serial="OTHER")
@@ -339,15 +333,14 @@ def test_an_iso_that_was_not_calibrated_and_a_frame_of_another_camera_are_refuse
 
 
 def test_without_a_version_in_force_nothing_is_measured_in_silence(house, staged):
-    made = staged(calibrated_campaign)
+    made = staged(calibrated_campaign, isos=(3200,))
     frame = field_frame(house, field_campaign(house))
     problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
     assert problem["code"] == "no_calibration_in_force"
     assert "calibration_id" in problem["detail"]
     draft = measure(house, frame, calibration_id=made["id"])
     assert "calibration_not_published" in flags(draft)
-    validity = IN_FORCE | {"valid_to": "2026-05-01T20:00:00Z"}  # the frame's very instant is not within
-    house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
+    house.publish(made, valid_to="2026-05-01T20:00:00Z")  # the frame's very instant is not within
     house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
     found = measure(house, frame, calibration_id=made["id"])
     assert found["calibration"]["why"] == "version 1 was named in the request"
@@ -360,14 +353,14 @@ def test_what_becomes_of_the_version_is_told_with_every_measurement(house, versi
     tag = house.http.get(address).headers["ETag"]
     assert house.http.get(address, headers={"If-None-Match": tag}).status_code == 304
     newer = calibrate(house, {"id": version["campaign_id"]}, model="affine")
-    house.post(f"/v1/calibrations/{newer['id']}/publish", IN_FORCE, status=200)
+    house.publish(newer)
     now = house.get(address)
     (superseded,) = (each for each in now["flags"] if each["flag"] == "calibration_superseded")
     assert superseded["detail"] == f"By version {newer['version']}."
     assert now["calibration"]["superseded_by"] == newer["id"]
     assert now["mean"] == found["mean"]
     assert house.http.get(address, headers={"If-None-Match": tag}).status_code == 200
-    house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "lamp was warm"}, status=200)
+    house.revoke(version, "lamp was warm")
     now = house.get(address)
     assert "calibration_revoked" in flags(now)
     assert now["calibration"]["revoked_reason"] == "lamp was warm"
@@ -412,21 +405,10 @@ def test_a_frame_without_a_time_needs_a_named_version(house, version):
 @pytest.mark.parametrize(("start", "status"), [("2026-05-01T05:59:00Z", 202), ("2026-05-01T06:01:00Z", 409)])
 def test_a_time_without_a_zone_must_be_covered_wherever_it_was(house, staged, start, status):
     """20:00 on 1 May somewhere: from 06:00 to 08:00 of the next day in UTC."""
-    made = staged(calibrated_campaign)
-    validity = {"valid_from": start, "reason": "spring"}
-    house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
-    frame = field_frame(
-        house, field_campaign(house), change=lambda content: forget_time(content, zone_only=True)
-    )
+    made = staged(calibrated_campaign, isos=(3200,))
+    house.publish(made, valid_from=start)
+    frame = field_frame(house, field_campaign(house), change=partial(forget_time, zone_only=True))
     house.post("/v1/measurements", {"frame_id": frame["id"]}, status=status)
-
-
-@pytest.mark.usefixtures("version")
-def test_another_organisations_frames_and_measurements_are_in_no_body_nor_list(house, stranger):
-    frame = field_frame(house, field_campaign(house))
-    measure(house, frame)
-    assert stranger.post("/v1/measurements", json={"frame_id": frame["id"]}).status_code == 404
-    assert stranger.get("/v1/measurements").json()["items"] == []
 
 
 @pytest.mark.usefixtures("version")
@@ -445,7 +427,7 @@ def test_a_whole_night_in_one_go(house):
     house.upload(campaign, house.frame_bytes(seed=9), role="light", scene="x", filename="light.DNG")
     # a region of its own for one frame, that of the campaign for the others
     corners = [[4.0, 8.0], [34.0, 8.0], [34.0, 56.0], [4.0, 56.0]]
-    house.http.put(f"/v1/frames/{frames[1]['id']}/roi", json={"polygon": corners})
+    house.put(f"/v1/frames/{frames[1]['id']}/roi", {"polygon": corners})
     house.work()
     started = house.post(f"/v1/campaigns/{campaign['id']}/measurements", {"reflectance": 0.1}, status=202)
     assert [job["subject_id"] for job in started["jobs"]] == [frame["id"] for frame in frames[:2]]
@@ -508,16 +490,16 @@ def test_night_of_measurements_feeds_no_fit(house):
     field_frame(house, other)
     late = house.frame_bytes(seed=77)
     place = begin_upload(house, other["id"], late, scene="a")
-    changed = house.http.patch(f"/v1/campaigns/{other['id']}", json={"kind": "measurement"})
-    assert (changed.status_code, changed.json()["kind"]) == (200, "measurement")
+    changed = house.patch(f"/v1/campaigns/{other['id']}", {"kind": "measurement"})
+    assert changed["kind"] == "measurement"
     # an upload that began before
     refused = house.http.patch(place, content=late, headers=PIECE | {"Upload-Offset": "0"})
     assert (refused.status_code, refused.json()["code"]) == (409, "measurements_only")
     assert {each["role"] for each in house.get(f"/v1/campaigns/{other['id']}/frames")["items"]} == {"field"}
     third = house.campaign(project_number="third")
     house.upload(third, house.frame_bytes(), role="dark", filename="d.DNG")
-    refused = house.http.patch(f"/v1/campaigns/{third['id']}", json={"kind": "measurement"})
-    assert (refused.status_code, "d.DNG" in refused.json()["detail"]) == (409, True)
+    refused = house.patch(f"/v1/campaigns/{third['id']}", {"kind": "measurement"}, status=409)
+    assert "d.DNG" in refused["detail"]
     kept = house.get("/v1/campaigns", kind="measurement")["items"]
     assert {each["id"] for each in kept} == {night["id"], other["id"]}
 
@@ -536,7 +518,7 @@ def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
     assert found["noise_u_cd_m2"] == pytest.approx(alone[0]["noise_u_cd_m2"] / 2, rel=0.1)
     sources = [row["source"] for row in found["budget"]]
     assert "scatter between repeats" in sources
-    plane, *planes = (read_map(house, one) for one in (found, *alone))
+    plane, *planes = (read_map(house, one)[0] for one in (found, *alone))
     assert plane == pytest.approx(np.mean(planes, axis=0), rel=1e-6)
     assert average(house, ids[::-1], products=["map"])["id"] == found["id"]
     rows = house.http.get(f"/v1/series/measurements?campaign_id={campaign['id']}&format=csv").text
@@ -551,7 +533,3 @@ def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
 
 def average(house, ids, **asked):
     return house.measure(**({"frame_ids": ids} | asked))
-
-
-def read_map(house, found):
-    return tifffile.imread(io.BytesIO(house.http.get(found["links"]["map_tif"]).content))

@@ -10,7 +10,10 @@ from radiometry.geometry.target import Target
 from simulation.boards import View, draw_poses, set_up
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Chart, Picture, Star, true_mtf
-from tests.service.test_optics import begin, fit, publish, raw_bytes
+from tests.service.test_optics import publish
+from tests.support.campaigns import calibrate
+from tests.support.every_method import begin, draw, raw_bytes
+from tests.support.house import CAMERA
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +31,7 @@ def house(sqlite_house):
     ],
 )
 def test_a_parameter_that_cannot_be_is_named(house, method, target, params, said):
-    campaign = begin(house, method, **({"target": target} if target else {}))
+    campaign = begin(house, method, CAMERA, **({"target": target} if target else {}))
     problem = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=422)
     assert problem["code"] == "validation_failed"
     assert said in problem["detail"]
@@ -78,7 +81,7 @@ def test_what_nobody_said_of_a_sensor_can_be_said_later(house):
 def test_a_frame_that_no_fit_sees_is_not_waited_for(house, method, role, outcome, codes):
     """It is read and never extracted: "ask again in a few seconds" would be for ever."""
     board = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25}
-    campaign = begin(house, method, **({"target": board} if method == "geometry" else {}))
+    campaign = begin(house, method, CAMERA, **({"target": board} if method == "geometry" else {}))
     content = raw_bytes(house, np.full((32, 48), 1000, np.uint16))
     frame = house.upload(campaign, content, role=role, filename="frame.DNG")
     house.work()
@@ -91,7 +94,9 @@ def test_a_frame_that_no_fit_sees_is_not_waited_for(house, method, role, outcome
     [(None, "refused", "refused"), ({"polygon": [[2, 2], [12, 2], [12, 12], [2, 12]]}, "read", "roi_unfit")],
 )
 def test_too_few_pixels_for_noise_are_no_matter_of_waiting(house, roi, state, code):
-    campaign = begin(house, "noise", roi=roi)
+    campaign = begin(house, "noise", CAMERA)
+    if roi:
+        draw(house, campaign, roi)
     content = raw_bytes(house, np.full((20, 20), 1000, np.uint16))
     frame = house.upload(campaign, content, role="flat", filename="frame.DNG")
     house.work()
@@ -116,14 +121,14 @@ STAR_STUDIO = change(
 
 def test_a_charuco_board_of_which_parts_are_hidden(house):
     said = {name: value for name, value in dataclasses.asdict(BOARD).items() if name != "legacy_pattern"}
-    campaign = begin(house, "geometry", target=said)
+    campaign = begin(house, "geometry", CAMERA, target=said)
     random = np.random.default_rng(11)
     for number, pose in enumerate(draw_poses(LENS, BOARD, random, count=6)):
         shares = View(board=BOARD, pose=pose).draw(STUDIO.camera, STUDIO.camera.window)
         shares[:, : 30 * number] = 1.0
         frame = STUDIO.photograph(Picture(shares), random)
         house.upload(campaign, raw_bytes(house, frame.samples_dn), role="chart", filename=f"{number}.DNG")
-    version = fit(house, campaign, radial_terms=1, tangential=False)
+    version = calibrate(house, campaign, radial_terms=1, tangential=False)
     rows = {row["name"]: row for row in publish(house, version)}
     for name in ("fx_px", "cx_px", "cy_px", "k1"):
         found = rows[name]
@@ -136,7 +141,8 @@ def test_a_star_has_its_resolving_power_by_direction(house):
     target = {"kind": "siemens_star", "cycles": STAR.cycles}
     box = [[15, 3], [199, 3], [199, 187], [15, 187]]
     roi = {"regions": [{"name": "centre", "polygon": box}]}
-    campaign = begin(house, "sharpness", target=target, roi=roi)
+    campaign = begin(house, "sharpness", CAMERA, target=target)
+    draw(house, campaign, roi)
     for take in (1, 2):
         samples = STAR_STUDIO.photograph(Chart([STAR]), np.random.default_rng(take)).samples_dn
         house.upload(
@@ -145,7 +151,7 @@ def test_a_star_has_its_resolving_power_by_direction(house):
             role="chart",
             filename=f"star-{take}.DNG",
         )
-    version = fit(house, campaign, star_contrast=0.5)
+    version = calibrate(house, campaign, star_contrast=0.5)
     rows = {row["name"]: row for row in publish(house, version) if row["channel"] == "G"}
     power = rows["resolving_power_cycles_per_pixel"]
     (green,) = (each for each in version["diagnostics"]["positions"] if each["channel"] == "G")

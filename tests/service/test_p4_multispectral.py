@@ -112,7 +112,7 @@ def test_a_stated_zone_levels_the_light_of_a_p4(sqlite_house, campaign, frames):
     house.work()
     light = {}
     for zone in ("", "America/Chicago"):
-        assert house.http.patch(path, json={"time_zone": zone}).status_code == 200
+        house.patch(path, {"time_zone": zone})
         version = house.fit(campaign)
         told = [each["code"] for each in version["findings"]]
         assert "tilt_not_correctable" not in told
@@ -135,7 +135,7 @@ def test_a_thermal_band_is_stored_and_left_out(sqlite_house):
     missing = sqlite_house.get(f"/v1/campaigns/{made['id']}")["missing"]
     assert not [each for each in missing if "region" in each]
     region = {"polygon": [[2, 2], [20, 2], [20, 20], [2, 20]]}
-    assert sqlite_house.http.put(f"/v1/campaigns/{made['id']}/roi", json=region).status_code == 200
+    sqlite_house.put(f"/v1/campaigns/{made['id']}/roi", region)
     sqlite_house.work()
     assert sqlite_house.get(f"/v1/frames/{frame['id']}")["state"] == "read"
 
@@ -164,7 +164,7 @@ def test_a_frame_that_an_older_reader_did_not_know_is_read_again(sqlite_house, f
         row = session.get_one(FrameRow, frames["red"]["id"])
         row.header = row.header | {"multispectral": None}
     region = {"polygon": [[660, 510], [900, 510], [900, 700], [660, 700]]}
-    assert sqlite_house.http.put(f"/v1/frames/{frames['red']['id']}/roi", json=region).status_code == 200
+    sqlite_house.put(f"/v1/frames/{frames['red']['id']}/roi", region)
     sqlite_house.work()
     frame = sqlite_house.get(f"/v1/frames/{frames['red']['id']}")
     assert (frame["state"], frame["band"]) == ("extracted", "red")

@@ -122,8 +122,7 @@ def test_a_card_that_is_there_already_names_its_campaign(house):
     assert [each.get("campaign_id") for each in found] == [campaign["id"], *[None] * 5]
     found = house.post("/v1/proposals", {"frames": [row]}, status=200)["frames"]
     assert "campaign_id" not in found[0]
-    answer = house.http.patch(f"/v1/frames/{held['id']}", json={"withdrawn": True})
-    assert answer.status_code == 200, answer.text
+    house.patch(f"/v1/frames/{held['id']}", {"withdrawn": True})
     assert "campaign_id" not in house.post("/v1/proposals", asked, status=200)["frames"][0]
 
 

@@ -209,7 +209,7 @@ def test_only_a_reading_of_the_campaign_is_replaced(house, stranger):
         assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), replaced
         assert "changed" not in answer.text
     twice = [FIRST | {"value": value, "replaces": own["id"]} for value in (1.0, 2.0)]
-    assert house.http.post(path, json=twice).status_code == 409
+    house.post(path, twice, status=409)
     assert values(house, path) == [FIRST["value"]]
 
 

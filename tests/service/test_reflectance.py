@@ -1,15 +1,13 @@
 """A real Sequoia capture of four bands, over HTTP: what its files say, its fit, its coefficients."""
 
-import io
-import json
 import math
 
 import numpy as np
 import pytest
-import tifffile
 
 from store.tables import FrameRow
 from tests.support.data import data_file
+from tests.support.measuring import read_map
 
 pytestmark = pytest.mark.either_database
 
@@ -43,7 +41,7 @@ def begin(house, bands=tuple(NAMES), *, panel=True, **more):
     if panel:
         house.post("/v1/panels", PANEL)
     campaign = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance", **more})
-    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=CENTRE)
+    house.put(f"/v1/campaigns/{campaign['id']}/roi", CENTRE)
     for band, content in read_contents(bands).items():
         house.upload(campaign, content, role="panel", filename=NAMES[band])
     house.work()
@@ -54,13 +52,9 @@ def frames_of(house, campaign):
     return {frame["band"]: frame for frame in house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]}
 
 
-def fit(house, campaign, **params):
-    return house.fit(campaign, **params)
-
-
 def begin_and_fit(house, bands=tuple(NAMES)):
     campaign = begin(house, bands)
-    return campaign, fit(house, campaign)
+    return campaign, house.fit(campaign)
 
 
 def test_a_capture_becomes_one_k_a_band(house, staged):
@@ -91,8 +85,7 @@ def test_a_capture_becomes_one_k_a_band(house, staged):
     assert {point["band"] for point in version["points"]} == NAMES.keys()
     assert all("frame_id" in point for point in version["points"])
 
-    at = {"valid_from": "2018-04-13T00:00:00Z", "valid_to": "2018-04-14T00:00:00Z", "reason": "flight 1"}
-    house.post(f"/v1/calibrations/{version['id']}/publish", at, status=200)
+    house.publish(version, valid_from="2018-04-13T00:00:00Z", valid_to="2018-04-14T00:00:00Z")
     path = f"/v1/cameras/{campaign['camera_id']}/coefficients"
     found = house.get(path, method="reflectance", band="NIR", at="2018-04-13T08:00:00Z")["items"]
     assert [(row["band"], row["value"]) for row in found] == [("nir", ks["nir"]["value"])]
@@ -117,7 +110,7 @@ def test_of_two_panels_one_must_be_named(house, staged):
     brighter = PANEL | {"serial": "P-50", "bands": [{"band": "green", "reflectance": 0.5}]}
     named = house.post("/v1/panels", brighter)
     assert "name it (panel_id)" in house.get(f"/v1/campaigns/{campaign['id']}")["missing"][0]
-    version = fit(house, campaign, panel_id=named["id"])
+    version = house.fit(campaign, panel_id=named["id"])
     assert version["inputs"]["panels"][0]["serial"] == "P-50"
     assert house.get(f"/v1/campaigns/{campaign['id']}")["panel_id"] == named["id"]
 
@@ -131,7 +124,7 @@ def test_parameters_of_another_method_are_refused_by_name(house, staged):
 
 def test_without_the_sunshine_sensor_k_holds_for_one_light(house, staged):
     campaign = staged(begin, bands=("green",))
-    version = fit(house, campaign, normalisation="panel_only")
+    version = house.fit(campaign, normalisation="panel_only")
     (row,) = version["coefficients"]
     assert row["value"] == pytest.approx(0.18 / I_SQ["green"], rel=1e-5)
     assert row["model"] == "panel_only"
@@ -139,20 +132,10 @@ def test_without_the_sunshine_sensor_k_holds_for_one_light(house, staged):
     assert "sunshine_sensor" not in version["configuration"]
 
 
-def measure(house, frame, **more):
-    return house.measure(frame_id=frame["id"], **more)
-
-
-def read_map(house, measurement):
-    answer = house.http.get(measurement["links"]["map_tif"])
-    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
-        return file.asarray(), json.loads(file.pages[0].description)
-
-
 def test_the_panel_measures_itself_and_the_map_agrees(house, staged):
     campaign, version = staged(begin_and_fit)
     frame = frames_of(house, campaign)["green"]
-    found = measure(house, frame, calibration_id=version["id"], products=["map"])
+    found = house.measure(frame_id=frame["id"], calibration_id=version["id"], products=["map"])
     assert found["method"] == "reflectance"
     assert found["mean"]["value"] == pytest.approx(0.18, rel=1e-6)
     assert found["mean"]["unit"] == "1"
@@ -161,7 +144,7 @@ def test_the_panel_measures_itself_and_the_map_agrees(house, staged):
     assert sum(row["variance_share"] for row in found["budget"]) == pytest.approx(1.0)
     assert "shared_u_cd_m2" not in found
 
-    plane, said = read_map(house, found)
+    plane, said, _ = read_map(house, found)
     assert (plane.dtype, plane.shape) == (np.float32, (960, 1280))
     assert float(plane[440:520, 600:680].mean(dtype=float)) == pytest.approx(0.18, rel=1e-5)
     counts = {
@@ -177,7 +160,7 @@ def test_the_panel_measures_itself_and_the_map_agrees(house, staged):
         "Green",
         550.0,
     )
-    tilted = measure(house, frame, calibration_id=version["id"], incidence_angle_deg=60)
+    tilted = house.measure(frame_id=frame["id"], calibration_id=version["id"], incidence_angle_deg=60)
     assert tilted["mean"]["value"] == pytest.approx(0.36, rel=1e-6)
 
 
@@ -204,7 +187,7 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, staged, contents):
         row = session.get_one(FrameRow, frames["nir"]["id"])
         row.header = {**row.header, "attitude": [{"name": "camera:Yaw", "value": -63.8}]}
     frame = frames["red"]
-    found = measure(house, frame, calibration_id=version["id"], index="ndvi", products=["map"])
+    found = house.measure(frame_id=frame["id"], calibration_id=version["id"], index="ndvi", products=["map"])
     assert found["index"]["name"] == "ndvi"
     assert [band["band"] for band in found["index"]["bands"]] == ["nir", "red"]
     a, b = (band["reflectance"] for band in found["index"]["bands"])
@@ -216,19 +199,16 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, staged, contents):
     # a sill half a metre away: the edges of the bands agree on no displacement
     assert "alignment_not_refined" in [flag["flag"] for flag in found["flags"]]
     assert [(each["by"], each["residual_px"]) for each in found["alignment"]] == [("lens_data", 5.0)]
-    plane, said = read_map(house, found)
+    plane, said, tags = read_map(house, found)
     assert said["quantity"] == "ndvi"
-    file = house.http.get(found["links"]["map_tif"]).content
-    assert b' Camera:Yaw="-63.8"' in file
-    assert b"BandName" not in file  # it shows two
+    assert b' Camera:Yaw="-63.8"' in tags["XMP"]
+    assert b"BandName" not in tags["XMP"]  # it shows two
     assert plane.shape == (960, 1280)
     assert found["map"] == {"pixels": plane.size, "undefined": int(np.isnan(plane).sum())}
     assert np.isfinite(plane).sum() > 0.9 * plane.size
     # the region's red is what the map compares with there, not the same pixels of a band that looks aside
-    nir, _ = read_map(
-        house,
-        measure(house, frames_of(house, campaign)["nir"], calibration_id=version["id"], products=["map"]),
-    )
+    alone = house.measure(frame_id=frames["nir"]["id"], calibration_id=version["id"], products=["map"])
+    nir, *_ = read_map(house, alone)
     centre = np.s_[440:520, 600:680]
     red = nir[centre] * (1 - plane[centre]) / (1 + plane[centre])
     assert b["value"] == pytest.approx(float(red.mean(dtype=float)), rel=2e-3)
@@ -239,7 +219,7 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, staged, contents):
 
 def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, contents):
     campaign = begin(house, ["green", "red"])
-    fit_of_green = fit(house, campaign, exclude=[])
+    fit_of_green = house.fit(campaign, exclude=[])
     plot = f"/v1/calibrations/{fit_of_green['id']}/plot.svg"
     before = house.http.get(plot)
     flight_id = flight_of(house, campaign, {band: contents[band] for band in ("green", "nir")})
@@ -281,18 +261,16 @@ def test_an_index_of_a_flight_names_what_has_not_been_read(house, staged, conten
         (NAMES["red"], "frame_not_read"),
         ("late.TIF", "frame_not_read"),
     ]
-    assert (
-        house.post("/v1/measurements", body | {"frame_id": late["id"]}, status=422)["code"]
-        == "frame_not_read"
-    )
+    problem = house.post("/v1/measurements", body | {"frame_id": late["id"]}, status=422)
+    assert problem["code"] == "frame_not_read"
 
 
-@pytest.mark.parametrize(
-    ("body", "code"),
-    [({"reflectance": 0.5}, "option_not_of_method"), ({"index": "ndvi"}, "capture_incomplete")],
-)
-def test_what_cannot_be_measured_is_said_before_the_job(house, staged, body, code):
+def test_what_cannot_be_measured_is_said_before_the_job(house, staged):
     campaign, version = staged(begin_and_fit, bands=("green",))
     (frame,) = frames_of(house, campaign).values()
-    body = {"frame_id": frame["id"], "calibration_id": version["id"], **body}
-    assert house.post("/v1/measurements", body, status=422)["code"] == code
+    named = {"frame_id": frame["id"], "calibration_id": version["id"]}
+    for body, code in (
+        ({"reflectance": 0.5}, "option_not_of_method"),
+        ({"index": "ndvi"}, "capture_incomplete"),
+    ):
+        assert house.post("/v1/measurements", named | body, status=422)["code"] == code

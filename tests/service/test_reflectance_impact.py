@@ -1,4 +1,4 @@
-"""What another version of a reflectance would change; of the other methods, coefficient by coefficient."""
+"""What another version of a reflectance would change."""
 
 import math
 
@@ -10,18 +10,12 @@ from tests.support.every_method import (
     BANDS,
     PANEL_REFLECTANCE,
     PANEL_U,
-    make_version,
     reflectance_campaign,
     register_panel,
 )
 
 AT = "2018-04-13T00:00:00Z"
 GREEN = "IMG_180413_080658_0000_GRE.TIF"
-
-
-def publish(house, version):
-    body = {"valid_from": AT, "reason": "flight 1"}
-    house.post(f"/v1/calibrations/{version['id']}/publish", body, status=200)
 
 
 def impact(house, version):
@@ -34,8 +28,7 @@ def measure(house, campaign, version, **more):
         for frame in house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
         if frame["filename"] == GREEN
     )
-    body = {"frame_id": frame["id"], "calibration_id": version["id"], **more}
-    return house.measure(**body)
+    return house.measure(frame_id=frame["id"], calibration_id=version["id"], **more)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +41,7 @@ def versions(sqlite_house):
     first = calibrate(house, campaign, panel_id=panel["id"])
     tilted = calibrate(house, campaign, panel_id=panel["id"], incidence_angle_deg=30)
     other = calibrate(house, campaign, panel_id=brighter["id"])
-    publish(house, first)
+    house.publish(first, valid_from=AT)
     return campaign, first, tilted, other
 
 
@@ -108,24 +101,3 @@ def test_a_band_that_the_other_version_lacks_is_said(sqlite_house, versions):
     (touched,) = impact(sqlite_house, version)["measurements"]
     assert "change" not in touched
     assert touched["why"].startswith("The frame shows band green; this calibration holds red.")
-
-
-def test_other_methods_are_compared_position_by_position(sqlite_house):
-    """A version against itself: every coefficient finds its own, none that of another channel."""
-    house = sqlite_house
-    version = make_version(house, "sharpness")
-    publish(house, version)
-    answer = impact(house, version)
-    assert len(answer["coefficients"]) == len(version["coefficients"])
-    assert {row["difference"]["value"] for row in answer["coefficients"]} == {0.0}
-    assert {row["channel"] for row in answer["coefficients"]} > {"R"}
-
-
-def test_the_points_of_a_fit_are_flat(sqlite_house):
-    version = make_version(sqlite_house, "vignetting")
-    text = sqlite_house.http.get(f"/v1/calibrations/{version['id']}/points.csv").text
-    head, *rows = text.splitlines()
-    assert "spots_count" in head.split(",")
-    assert "spots" not in head.split(",")
-    assert len(rows) == len(version["points"])
-    assert "[" not in text

@@ -8,10 +8,10 @@ from sqlalchemy import func, select
 from store.tables import Camera, Campaign, FrameRow, Meter, Reading
 from tests.support.campaigns import ROI, calibrated_campaign
 from tests.support.house import CAMERA
+from tests.support.meters import CERTIFICATE, METER
 
 pytestmark = pytest.mark.either_database
 
-METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
 READING = {"scene": "s", "quantity": "luminance", "value": 1, "unit": "cd/m2"}
 KEY = {"Idempotency-Key": "visit 7, page 3"}
 
@@ -126,19 +126,9 @@ def test_a_natural_key_answers_with_what_exists(house):
     campaign = house.campaign()
     frame = house.upload(campaign, content, role="light", scene="a")
     assert house.upload(campaign, content, status=200, role="light", scene="a")["id"] == frame["id"]
-    certificate = {
-        "number": "1",
-        "laboratory": "PTB",
-        "issued_on": "2026-04-02",
-        "due_on": "2027-04-02",
-        "expanded_uncertainty_rel": 0.02,
-        "coverage_factor": 2,
-    }
     house.post("/v1/meters", METER)
-    assert (
-        house.post("/v1/meters", METER | {"certificate": certificate}, status=200)["certificate"]
-        == certificate
-    )
+    certified = house.post("/v1/meters", METER | {"certificate": CERTIFICATE}, status=200)
+    assert certified["certificate"] == CERTIFICATE
 
 
 def test_pages_hold_every_row_once_while_rows_are_added(house):

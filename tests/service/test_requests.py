@@ -245,8 +245,7 @@ def test_a_limit_has_bounds(house, limit):
 
 def test_a_hostile_id_does_not_exist(house):
     for hostile in ("%00", "%ff", "%F0%9F%98%80", "a%0Ab", "x" * 5000):
-        answer = house.http.get(f"/v1/cameras/{hostile}")
-        assert (answer.status_code, answer.json()["code"]) == (404, "not_found")
+        assert house.get(f"/v1/cameras/{hostile}", status=404)["code"] == "not_found"
 
 
 def test_an_unexpected_fault_is_a_problem_that_tells_nothing(house, monkeypatch):

@@ -3,14 +3,14 @@
 import io
 
 import numpy as np
+import pytest
 import tifffile
 from scipy.ndimage import map_coordinates
 
 from radiometry.road.site import Row, Site, Strip
 from tests.radiometry.road.simulated import Luminaire, Truth
 from tests.support.campaigns import K_TRUE, calibrate, published_campaign
-from tests.support.data import data_file
-from tests.support.every_method import BOARD, begin
+from tests.support.every_method import BOARD, begin, upload_views
 from tests.support.house import CAMERA
 from tests.support.roads import METER, RULE, evaluate
 
@@ -119,15 +119,13 @@ def mark(view, random):
 
 def publish_lens(house):
     campaign = begin(house, "geometry", CAMERA, target=BOARD)
-    for number in (1, 3, 4, 5, 6):
-        name = f"left{number:02d}.jpg"
-        house.upload(campaign, data_file(f"checkerboard/{name}").read_bytes(), role="chart", filename=name)
+    upload_views(house, campaign, (1, 3, 4, 5, 6))
     version = calibrate(house, campaign)
-    since = {"valid_from": "2026-05-01T00:00:00Z", "reason": "first"}
-    house.post(f"/v1/calibrations/{version['id']}/publish", since, status=200)
+    house.publish(version)
     return version["id"]
 
 
+@pytest.mark.either_database
 def test_a_rendered_road_is_found_within_its_uncertainty(house):
     random, truth = np.random.default_rng(11), make_truth()
     published_campaign(house, isos=(_ISO,))
@@ -155,7 +153,7 @@ def test_a_rendered_road_is_found_within_its_uncertainty(house):
         | {"meter_id": meter}
         for n, ((x, y), lux) in enumerate(zip(places.tolist(), read.tolist(), strict=True), start=1)
     ]
-    assert house.http.put(f"/v1/roads/{road['id']}/points", json=points).status_code == 200
+    house.put(f"/v1/roads/{road['id']}/points", points)
     result = evaluate(house, road)
     assert {each["lens"] for each in result["frames"]} == {lens}
     figures = {each["figure"]: each for each in result["figures"]}

@@ -25,9 +25,8 @@ COEFFICIENTS, MEASUREMENTS = "/v1/series/coefficients", "/v1/series/measurements
 @pytest.fixture
 def measured(house, staged):
     """A version that is in force twice, with a gap, and two measurements with it."""
-    version = staged(published_campaign)
-    later = {"valid_from": "2027-05-01T00:00:00Z", "valid_to": "2027-06-01T00:00:00Z", "reason": "later"}
-    house.post(f"/v1/calibrations/{version['id']}/publish", later, status=200)
+    version = staged(published_campaign, isos=(3200,))
+    house.publish(version, valid_from="2027-05-01T00:00:00Z", valid_to="2027-06-01T00:00:00Z")
     frames = [field_frame(house, version["campaign_id"], seed=seed) for seed in (1, 2)]
     return version, [measure(house, frame, version) for frame in frames]
 
@@ -87,11 +86,11 @@ def test_series_is_sent_again_only_after_what_changes_it(house, measured):
         tags[address] = tag
     house.post("/v1/campaigns", {"camera_id": version["camera_id"], "method": "noise"})
     assert all(house.http.get(at, headers=tag).status_code == 304 for at, tag in tags.items())
-    house.http.patch(f"/v1/cameras/{version['camera_id']}", json={"serial": "corrected"}).raise_for_status()
+    house.patch(f"/v1/cameras/{version['camera_id']}", {"serial": "corrected"})
     for address, tag in tags.items():
         answer = house.http.get(address, headers=tag)
         assert {row["serial"] for row in answer.json()["rows"]} == {"corrected"}
-    house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "wrong"}, status=200)
+    house.revoke(version)
     assert house.http.get(MEASUREMENTS, headers=tag).status_code == 200
     assert house.get(COEFFICIENTS)["rows"] == []
     rows = house.get(MEASUREMENTS)["rows"]

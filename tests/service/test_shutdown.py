@@ -3,6 +3,7 @@
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import httpx
 import pytest
@@ -21,10 +22,7 @@ def frames_path(campaign):
 
 @pytest.fixture
 def start(migrated_sqlite, tmp_path):
-    def started(**settings):
-        return alone(tmp_path, migrated_sqlite, **settings)
-
-    return started
+    return partial(alone, tmp_path, migrated_sqlite)
 
 
 @pytest.fixture
@@ -33,23 +31,18 @@ def shots(tmp_path):
 
 
 class SlowBody:
-    """A body of which the second half waits until it is let go."""
+    """Two megabytes, of which the second waits until it is let go."""
 
-    def __init__(self, content: bytes):
-        self._content = content
+    def __init__(self):
+        self.headers = {"Content-Length": str(2 * MEGABYTE)}
         self.on_its_way = threading.Event()
         self.go_on = threading.Event()
 
-    @property
-    def headers(self):
-        return {"Content-Length": str(len(self._content))}
-
     def __iter__(self):
-        half = len(self._content) // 2
-        yield self._content[:half]
+        yield b"x" * MEGABYTE
         self.on_its_way.set()
         self.go_on.wait(PATIENCE_S)
-        yield self._content[half:]
+        yield b"x" * MEGABYTE
 
 
 def test_a_stop_leaves_an_upload_its_grace_and_serves_who_waits_or_comes_meanwhile(start, shots):
@@ -57,7 +50,7 @@ def test_a_stop_leaves_an_upload_its_grace_and_serves_who_waits_or_comes_meanwhi
         campaign = team.campaign()
         (frame,) = team.push(campaign, shots)
         waiting = pool.submit(http.get, f"/v1/jobs/{frame.job_id}", headers={"Prefer": "wait=60"})
-        body = SlowBody(b"x" * 2 * MEGABYTE)
+        body = SlowBody()
         upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
         assert body.on_its_way.wait(PATIENCE_S)
         assert not waiting.done()
@@ -76,34 +69,14 @@ def test_a_stop_leaves_an_upload_its_grace_and_serves_who_waits_or_comes_meanwhi
     assert "Traceback" not in service.log.read_text()
 
 
-def test_what_outlasts_the_grace_is_told_to_come_back(start):
-    with start(STILB_STOP_GRACE_S="0.5") as service, service.team() as team, team.http() as http:
-        campaign = team.campaign()
-        body = SlowBody(b"x" * 2 * MEGABYTE)
-        with ThreadPoolExecutor(1) as pool:
-            upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
-            assert body.on_its_way.wait(PATIENCE_S)
-            service.ask_to_stop()
-            time.sleep(0.8)
-            body.go_on.set()
-            answer = upload.result(PATIENCE_S)
-        assert answer.status_code == 503
-        assert answer.headers["Content-Type"] == "application/problem+json"
-        assert int(answer.headers["Retry-After"]) > 0
-        assert answer.headers["Connection"] == "close"
-        assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)
-        service.process.wait(PATIENCE_S)
-    assert "Traceback" not in service.log.read_text()
-
-
-def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
-    """Uploads that outlast the grace, and waits, go on through several restarts without an error."""
+def test_what_outlasts_the_grace_is_told_to_come_back_and_a_client_does(start, shots, tmp_path):
+    """Uploads and waits of a client go on after the restart without an error."""
     paths = []
     for number in range(3):
         paths.append(tmp_path / f"{number}.DNG")
         paths[-1].write_bytes(bytes([number]) * 2 * MEGABYTE)
     over = threading.Event()
-    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=100) as team:
+    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=100) as team, team.http() as http:
         campaign = team.campaign()
         (frame,) = team.push(campaign, shots)
 
@@ -118,14 +91,19 @@ def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
                 with pytest.raises(TimeoutError):
                     team.client.wait(frame.job_id, timeout_s=2)
 
-        with ThreadPoolExecutor(5) as pool:
+        with ThreadPoolExecutor(6) as pool:
+            body = SlowBody()
+            cut = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
+            assert body.on_its_way.wait(PATIENCE_S)
             waits = [pool.submit(wait) for _ in range(2)]
             uploads = [pool.submit(upload, path) for path in paths]
-            for _ in range(2):
-                time.sleep(0.3)
-                service.ask_to_stop()
-                service.process.wait(PATIENCE_S)
-                service.begin()
+            time.sleep(0.3)
+            service.ask_to_stop()
+            time.sleep(0.8)
+            body.go_on.set()
+            check_told_to_come_back(cut.result(PATIENCE_S))
+            service.process.wait(PATIENCE_S)
+            service.begin()
             for sent in uploads:
                 sent.result(PATIENCE_S)
             over.set()
@@ -133,3 +111,10 @@ def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
                 waited.result(PATIENCE_S)
         assert len(list(team.client.frames(campaign.id))) == 1 + len(paths)
     assert "Traceback" not in service.log.read_text()
+
+
+def check_told_to_come_back(answer):
+    assert (answer.status_code, answer.headers["Content-Type"]) == (503, "application/problem+json")
+    assert int(answer.headers["Retry-After"]) > 0
+    assert answer.headers["Connection"] == "close"
+    assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)

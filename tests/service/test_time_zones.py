@@ -4,9 +4,10 @@ import struct
 
 import pytest
 
-from tests.service.test_reflectance import CAMERA, CENTRE, NAMES, PANEL, fit
-from tests.support.campaigns import ROI, calibrated_campaign
+from tests.service.test_reflectance import CAMERA, CENTRE, NAMES, PANEL
+from tests.support.campaigns import ROI, calibrate, calibrated_campaign
 from tests.support.data import data_file
+from tests.support.every_method import begin, draw
 from tests.support.frames import forget_time
 
 pytestmark = pytest.mark.either_database
@@ -16,7 +17,7 @@ STATED = b"2026:05:01 20:00:00"
 
 def night(house, **stated):
     campaign = house.campaign(kind="measurement", **stated)
-    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=ROI)
+    house.put(f"/v1/campaigns/{campaign['id']}/roi", ROI)
     return campaign
 
 
@@ -29,9 +30,8 @@ def take(house, campaign, at=STATED, *, name="night.DNG"):
     return frame
 
 
-def publish(house, version, start, end, status=200):
-    body = {"valid_from": start, "valid_to": end, "reason": "the flight"}
-    return house.post(f"/v1/calibrations/{version['id']}/publish", body, status=status)
+def publish(house, version, start, end):
+    house.publish(version, valid_from=start, valid_to=end)
 
 
 def refuse(house, frame, status=409):
@@ -45,7 +45,7 @@ def measure(house, frame):
 def test_stated_zone_decides_which_version_is_in_force(house, staged):
     """20:00 in Berlin is 18:00 in UTC; the campaign's zone counts before the organisation's, also when it is
     stated after the frame was read."""
-    version = staged(calibrated_campaign)
+    version = staged(calibrated_campaign, isos=(3200,))
     publish(house, version, "2026-05-01T17:30:00Z", "2026-05-01T18:30:00Z")
     campaign = night(house)
     frame = take(house, campaign)
@@ -53,22 +53,21 @@ def test_stated_zone_decides_which_version_is_in_force(house, staged):
     assert "from 2026-05-01T06:00:00Z to 2026-05-02T08:00:00Z" in said
     assert "neither its file nor its campaign or organisation states a time zone" in said
     assert "state the campaign's time_zone" in said
-    assert house.http.patch("/v1/organisation", json={"time_zone": "europe/berlin"}).json()["time_zone"] == (
-        "Europe/Berlin"
-    )
+    stated = house.patch("/v1/organisation", {"time_zone": "europe/berlin"})
+    assert stated["time_zone"] == "Europe/Berlin"
     found = measure(house, frame)
     assert "2026-05-01T20:00:00 (Europe/Berlin, as its organisation states)" in found["calibration"]["why"]
     path = f"/v1/campaigns/{campaign['id']}"
-    assert house.http.patch(path, json={"time_zone": "+03:00"}).json()["time_zone"] == "+03:00"
+    assert house.patch(path, {"time_zone": "+03:00"})["time_zone"] == "+03:00"
     said = refuse(house, frame)
     assert "(+03:00, as its campaign states), and no luminance calibration of its camera is in force" in said
     assert "state the campaign's time_zone" not in said
     # what was measured stays as it was measured: 18:00 in UTC
     series = {"from": "2026-05-01T17:59:00Z", "to": "2026-05-01T18:01:00Z"}
     assert [row["id"] for row in house.get("/v1/series/measurements", **series)["rows"]] == [found["id"]]
-    assert "time_zone" not in house.http.patch(path, json={"time_zone": ""}).json()
+    assert "time_zone" not in house.patch(path, {"time_zone": ""})
     for wrong in ("Berlin", "+25:00", "../etc/passwd", "Europe"):
-        assert house.http.patch(path, json={"time_zone": wrong}).status_code == 422
+        house.patch(path, {"time_zone": wrong}, status=422)
 
 
 def test_grid_states_the_instant_of_each_frame(house):
@@ -87,7 +86,7 @@ def test_grid_states_the_instant_of_each_frame(house):
     known, berlin = ("known.DNG", "2026-05-01T20:00:00Z", None), "Europe/Berlin"
     before, rows = look()
     assert rows == [("night.DNG", None, None), ("twice.DNG", None, None), known]
-    house.http.patch("/v1/organisation", json={"time_zone": berlin})
+    house.patch("/v1/organisation", {"time_zone": berlin})
     after, rows = look(since=before["since"])
     night_at, twice_at = "2026-05-01T18:00:00Z", "2026-10-25T00:30:00Z"
     assert rows == [("night.DNG", night_at, berlin), ("twice.DNG", twice_at, berlin), known]
@@ -95,7 +94,7 @@ def test_grid_states_the_instant_of_each_frame(house):
 
 
 def test_hour_that_a_clock_shows_twice_must_be_covered_whole(house, staged):
-    version = staged(calibrated_campaign)
+    version = staged(calibrated_campaign, isos=(3200,))
     campaign = night(house, time_zone="Europe/Berlin")
     twice = take(house, campaign, b"2026:10:25 02:30:00")
     publish(house, version, "2026-10-25T01:00:00Z", "2026-10-26T00:00:00Z")
@@ -106,31 +105,32 @@ def test_hour_that_a_clock_shows_twice_must_be_covered_whole(house, staged):
 
 
 def test_clock_that_was_never_set_is_named_as_the_cause(house, staged):
-    publish(house, staged(calibrated_campaign), "2026-05-01T00:00:00Z", "2026-05-02T00:00:00Z")
+    publish(house, staged(calibrated_campaign, isos=(3200,)), "2026-05-01T00:00:00Z", "2026-05-02T00:00:00Z")
     frame = take(house, night(house, time_zone="Europe/Berlin"), b"1970:01:01 00:03:00")
     said = refuse(house, frame, 422)
     assert "The camera's clock was not set: frame night.DNG states 1970-01-01T00:03:00" in said
 
 
-@pytest.fixture
-def flights(house):
+def make_flights(house):
     """Two flights of one day, each with its panel and its own K."""
     house.post("/v1/panels", PANEL)
     made = []
     for hour in (b"08", b"15"):
-        campaign = house.post(
-            "/v1/campaigns", {"camera_id": house.camera(**CAMERA)["id"], "method": "reflectance"}
-        )
-        house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=CENTRE)
+        campaign = begin(house, "reflectance", CAMERA)
+        draw(house, campaign, CENTRE)
         content = data_file(f"sequoia/{NAMES['green']}").read_bytes()
         content = content.replace(b"2018:04:13 08:", b"2018:04:13 %s:" % hour)
         house.upload(campaign, content, role="panel", filename="panel.TIF")
         # another shot of the same place: its bytes must differ
         shot = struct.pack("<I", len(made)) + b"field"
         frame = house.upload(campaign, content + shot, role="field", filename="field.TIF")
-        house.work()
-        made.append((fit(house, campaign), frame))
+        made.append((calibrate(house, campaign), frame))
     return made
+
+
+@pytest.fixture
+def flights(staged):
+    return staged(make_flights)
 
 
 def test_each_flight_of_a_day_is_measured_with_its_own_k(house, flights):
@@ -141,7 +141,7 @@ def test_each_flight_of_a_day_is_measured_with_its_own_k(house, flights):
         assert measure(house, frame)["calibration"]["id"] == version["id"]
     # a revoked one is nobody's: the day's other version is in force
     (first, frame), (second, _) = flights
-    house.post(f"/v1/calibrations/{first['id']}/revoke", {"reason": "wrong panel"}, status=200)
+    house.revoke(first)
     assert measure(house, frame)["calibration"]["id"] == second["id"]
 
 

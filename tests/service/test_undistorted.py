@@ -1,19 +1,18 @@
 """A frame's undistorted picture over HTTP: pixels, metadata, the camera that made it."""
 
 import io
-import json
 
 import cv2
 import numpy as np
 import pytest
-import tifffile
 from PIL import Image
 
-from tests.service.test_optics import EDGE_CAMERA, begin, fit, publish
+from tests.support.campaigns import calibrate
 from tests.support.data import data_file
+from tests.support.every_method import BOARD, CANON, begin, upload_views
 from tests.support.frames import write_raw
+from tests.support.measuring import measure, read_map
 
-VIEWS = (1, 3, 4, 5, 6)
 SHAPE = (480, 640)
 
 
@@ -21,26 +20,11 @@ SHAPE = (480, 640)
 def calibrated(sqlite_house):
     """OpenCV's camera, of a few of its pictures."""
     house = sqlite_house
-    target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
-    campaign = begin(house, "geometry", camera=EDGE_CAMERA, target=target)
-    for number in VIEWS:
-        name = f"left{number:02d}.jpg"
-        house.upload(campaign, data_file(f"checkerboard/{name}").read_bytes(), role="chart", filename=name)
-    version = fit(house, campaign)
-    publish(house, version)
+    campaign = begin(house, "geometry", CANON, target=BOARD)
+    upload_views(house, campaign, (1, 3, 4, 5, 6))
+    version = calibrate(house, campaign)
+    house.publish(version)
     return house, campaign, version
-
-
-def measure(house, frame, **asked):
-    body = {"frame_id": frame["id"], "products": ["map"]} | asked
-    return house.measure(**body)
-
-
-def read_map(house, found):
-    with tifffile.TiffFile(io.BytesIO(house.http.get(found["links"]["map_tif"]).content)) as file:
-        page = file.pages.first
-        known = {tag.name: tag.value for tag in page.tags.values()}
-        return file.asarray(), json.loads(page.description), known
 
 
 def matrix_of(version):
@@ -53,7 +37,7 @@ def test_a_chart_without_exposure_as_opencv_undistorts_it(calibrated):
     house, campaign, version = calibrated
     frames = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
     frame = next(frame for frame in frames if frame["filename"] == "left01.jpg")
-    found = measure(house, frame, calibration_id=version["id"])
+    found = measure(house, frame, version, products=["map"])
     picture, said, known = read_map(house, found)
     # a picture without EXIF gets none
     assert not {"ExifTag", "Make"} & set(known)
@@ -82,7 +66,7 @@ def test_a_chart_without_exposure_as_opencv_undistorts_it(calibrated):
     assert ("mean" in found, found["region_origin"]) == (False, "whole_frame")
     preview = Image.open(io.BytesIO(house.http.get(found["links"]["map_png"]).content))
     assert (preview.mode, preview.size) == ("L", (640, 480))
-    assert measure(house, frame, calibration_id=version["id"])["id"] == found["id"]
+    assert measure(house, frame, version, products=["map"])["id"] == found["id"]
 
 
 def test_a_raw_field_frame_gives_its_grey_plane_in_raw_numbers(calibrated, tmp_path):
@@ -93,7 +77,7 @@ def test_a_raw_field_frame_gives_its_grey_plane_in_raw_numbers(calibrated, tmp_p
     path = write_raw(tmp_path / "field.dng", mosaic, **names)
     frame = house.upload(campaign, path.read_bytes(), role="field", filename="field.DNG")
     house.work()
-    found = measure(house, frame, calibration_id=version["id"])
+    found = measure(house, frame, version, products=["map"])
     picture, said, known = read_map(house, found)
     assert (found["undistorted"]["planes"], found["undistorted"]["linear"]) == (["grey"], True)
     assert (known["Make"], known["ExifTag"]["FNumber"]) == ("Canon", (4, 1))
@@ -132,7 +116,7 @@ def test_what_an_undistorted_picture_cannot_be_asked_for(calibrated):
 def test_a_picture_is_no_map_of_values_and_has_no_figure_to_compare(calibrated):
     house, campaign, version = calibrated
     frame = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"][0]
-    found = measure(house, frame, calibration_id=version["id"])
+    found = measure(house, frame, version, products=["map"])
     assert house.get(f"/v1/measurements/{found['id']}/map.json", status=404)["code"] == "not_found"
     house.get(f"/v1/measurements/{found['id']}/comparison", status=422, old=found["id"])
     assert found["id"] in {row["id"] for row in house.get("/v1/measurements")["items"]}

@@ -23,13 +23,11 @@ def house(sqlite_house):
 
 
 @pytest.fixture
-def visitor(house):
+def visitor(house, visitor):
     """A browser that is signed in."""
-    with house.with_key("none") as client:
-        del client.headers["Authorization"]
-        client.post("/sign-in", data={"key": KEY}, headers=PAGE, follow_redirects=False)
-        assert house.app.state.context.sessions.cookie in client.cookies
-        yield client
+    visitor.post("/sign-in", data={"key": KEY}, headers=PAGE, follow_redirects=False)
+    assert house.app.state.context.sessions.cookie in visitor.cookies
+    return visitor
 
 
 def test_a_page_runs_and_loads_only_what_is_ours(visitor):

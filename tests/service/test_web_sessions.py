@@ -24,14 +24,6 @@ def house(sqlite_house):
     return sqlite_house
 
 
-@pytest.fixture
-def visitor(house):
-    """A browser that is not signed in."""
-    with house.with_key("none") as client:
-        del client.headers["Authorization"]
-        yield client
-
-
 def sign_in(client, key=KEY, **headers):
     form = {"key": key, "next": "/jobs"}
     return client.post("/sign-in", data=form, headers={**PAGE, **headers}, follow_redirects=False)

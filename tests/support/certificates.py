@@ -1,28 +1,21 @@
 """A campaign whose certificate lacks nothing, and a connection of the client to a house without a socket."""
 
+import io
 import math
 import re
 from pathlib import Path
 
+import pypdf
+
 from radiometry.methods import get_method
 from stilb.export import export
 from stilb.transport import Transport
-from tests.support.campaigns import LEVELS, calibrate, upload_campaign
+from tests.support import meters
+from tests.support.campaigns import calibrate, list_readings, upload_campaign
 from tests.support.house import House
 
-METER = {
-    "kind": "luminance",
-    "make": "Gossen",
-    "model": "Starlite 2",
-    "serial": "8F0042",
-    "certificate": {
-        "number": "D-K-15070-2026-04",
-        "laboratory": "PTB Braunschweig",
-        "issued_on": "2026-04-02",
-        "due_on": "2027-04-02",
-        "expanded_uncertainty_rel": 0.02,
-        "coverage_factor": 2,
-    },
+METER = meters.METER | {
+    "certificate": meters.CERTIFICATE | {"number": "D-K-15070-2026-04", "laboratory": "PTB Braunschweig"}
 }
 WORK = {
     "project_number": "P-17",
@@ -32,8 +25,7 @@ WORK = {
     "conditions": "21 °C, lamp on for 30 min, no daylight",
     "started_at": "2026-05-01T19:00:00Z",
 }
-
-
+TAKEN_AT = "2026-05-01T20:00:00Z"
 LABORATORY = {"name": "Lansing Light Laboratory", "address": "Main Street 1"}
 PERSON = {"person": "A. Meier", "role": "physicist"}
 
@@ -41,45 +33,53 @@ PERSON = {"person": "A. Meier", "role": "physicist"}
 def name_person(house: House, **changes) -> None:
     """State who uses the key of the tests."""
     own = house.get("/v1/keys/own")["id"]
-    assert house.http.patch(f"/v1/keys/{own}", json=PERSON | changes).status_code == 200
+    house.patch(f"/v1/keys/{own}", PERSON | changes)
 
 
-def complete_version(house: House, *, meter=METER, work=WORK, taken_at="2026-05-01T20:00:00Z", isos=(3200,)):
+def complete_version(house: House, *, meter=METER, work=WORK, taken_at=TAKEN_AT, isos=(3200,)) -> dict:
     """A version of a camera with its lens, its meter and certificate, its checklist signed."""
     house.camera(lens={"make": "DJI", "model": "MFT 15mm F1.7 ASPH", "serial": "L1"})
-    assert house.http.patch("/v1/organisation", json=LABORATORY).status_code == 200
+    house.patch("/v1/organisation", LABORATORY)
     name_person(house)
     campaign = upload_campaign(house, readings=False, isos=isos)
-    path = f"/v1/campaigns/{campaign['id']}"
-    assert house.http.patch(path, json=work).status_code == 200
+    house.patch(f"/v1/campaigns/{campaign['id']}", work)
+    return fit_with(house, campaign, meter, taken_at=taken_at)
+
+
+def fit_with(house: House, campaign: dict, meter: dict, *, taken_at: str | None = TAKEN_AT) -> dict:
+    """The version of a campaign whose readings are of this meter, with its checklist signed."""
     answer = house.http.post("/v1/meters", json=meter)
     assert answer.status_code in {200, 201}, answer.text
-    rows = [
-        {
-            "scene": scene,
-            "quantity": "luminance",
-            "value": value * factor,
-            "unit": "cd/m2",
-            "meter_id": answer.json()["id"],
-            **({"taken_at": taken_at} if taken_at else {}),
-        }
-        for scene, value in LEVELS.items()
-        for factor in (0.998, 1.002)
-    ]
-    house.post(f"{path}/readings", rows)
+    named = {"meter_id": answer.json()["id"]} | ({"taken_at": taken_at} if taken_at else {})
+    path = f"/v1/campaigns/{campaign['id']}"
+    house.post(f"{path}/readings", list_readings(**named))
     version = calibrate(house, campaign)
-    items = [item for item in house.get(f"{path}/checklist")["items"] if "done_by" not in item]
-    ticks = {
-        "items": [{"key": item["key"], "done": True} for item in items],
-        "signature": {"name": "B. Operator"},
-    }
-    answer = house.http.patch(f"{path}/checklist", json=ticks)
-    assert answer.status_code == 200, answer.text
+    items = house.get(f"{path}/checklist")["items"]
+    ticks = [{"key": item["key"], "done": True} for item in items]
+    house.patch(f"{path}/checklist", {"items": ticks, "signature": {"name": "B. Operator"}})
     return version
+
+
+def read_pages(pdf: bytes) -> list[str]:
+    """The text of each page, without the places where a word may break."""
+    pages = pypdf.PdfReader(io.BytesIO(pdf)).pages
+    return [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in pages]
 
 
 def certificate_of(house: House, version: dict) -> dict:
     return house.get(f"/v1/calibrations/{version['id']}/certificate.json")
+
+
+def check_frames(house: House, certificate: dict) -> None:
+    """Each frame of a certificate is as the service has it."""
+    for frame in certificate["frames"]:
+        row = house.get(f"/v1/frames/{frame['id']}")
+        for name in ("sha256", "role", "scene"):
+            assert row.get(name) == frame.get(name)
+        stored, stated = (
+            {each["channel"]: each["mean_dn"] for each in told["statistics"]} for told in (row, frame)
+        )
+        assert stored == stated
 
 
 # with a point, and no part of a name, a version or a date

@@ -1,8 +1,10 @@
 """A small version of every method but luminance, made over HTTP as a field team would."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from simulation.camera import change, take
+from simulation.camera import Camera, change, take
 from simulation.targets import COUNTING_SENSOR, FAST_LENS, plan_flats, plan_series
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
@@ -30,8 +32,7 @@ def begin(house: House, method: str, camera: dict, **more) -> dict:
 
 
 def draw(house: House, campaign: dict, region: dict) -> None:
-    answer = house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=region)
-    assert answer.status_code == 200, answer.text
+    house.put(f"/v1/campaigns/{campaign['id']}/roi", region)
 
 
 def upload_panels(house: House, campaign: dict) -> None:
@@ -64,12 +65,17 @@ def _reflectance(house: House) -> dict:
 
 
 def _vignetting(house: House) -> dict:
-    lens = change(FAST_LENS, height_px=96, width_px=144, centre_px=(50.0, 66.0))
+    small = change(FAST_LENS, height_px=96, width_px=144, centre_px=(50.0, 66.0))
+    return fit_flats(house, CAMERA | {"lens": LENS}, small)
+
+
+def fit_flats(house: House, camera: dict, lens: Camera) -> dict:
+    """A version from flat fields of a simulated lens."""
     random = np.random.default_rng(1)
-    campaign = begin(house, "vignetting", CAMERA | {"lens": LENS})
+    campaign = begin(house, "vignetting", camera)
     for shot in plan_flats(lens, f_numbers=F_NUMBERS, flats=2, darks=2):
         samples = take(lens, shot, random).frame.samples_dn
-        content = _raw_bytes(house, samples, f_number=shot.settings.f_number)
+        content = raw_bytes(house, samples, f_number=shot.settings.f_number)
         house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     return calibrate(house, campaign)
 
@@ -85,11 +91,16 @@ def _sharpness(house: House) -> dict:
 
 def _geometry(house: House) -> dict:
     campaign = begin(house, "geometry", CANON, target=BOARD)
-    for number in (1, 3, 5, 8):
+    upload_views(house, campaign, (1, 3, 5, 8))
+    return calibrate(house, campaign, pixel_pitch_um=6.0)
+
+
+def upload_views(house: House, campaign: dict, numbers: Iterable[int]) -> None:
+    """Pictures of OpenCV's board."""
+    for number in numbers:
         name = f"left{number:02d}.jpg"
         content = data_file(f"checkerboard/{name}").read_bytes()
         house.upload(campaign, content, role="chart", filename=name)
-    return calibrate(house, campaign, pixel_pitch_um=6.0)
 
 
 def _noise(house: House) -> dict:
@@ -100,7 +111,7 @@ def _noise(house: House) -> dict:
     for shot in plan_series(camera, **light):
         samples = take(camera, shot, random).frame.samples_dn
         time_s = shot.settings.exposure_time_s
-        content = _raw_bytes(house, samples, exposure_time_s=time_s, white_level_dn=16383)
+        content = raw_bytes(house, samples, exposure_time_s=time_s, white_level_dn=16383)
         house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     return calibrate(house, campaign)
 
@@ -114,6 +125,6 @@ _MAKERS = {
 }
 
 
-def _raw_bytes(house: House, samples, **told) -> bytes:
+def raw_bytes(house: House, samples, **told) -> bytes:
     names = {"serial": CAMERA["serial"], "lens_model": LENS["model"]}
     return write_raw(house.folder / "every.dng", samples, **names, **told).read_bytes()

@@ -4,10 +4,10 @@ from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
+from tests.support.meters import METER
 from tests.support.resumable import begin_upload
 from tests.support.roads import evaluate, state_road
 
-METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
 PANEL = {"serial": "RP04", "bands": [{"band": "red", "reflectance": 0.5}], "measured_on": "2026-04-01"}
 
 

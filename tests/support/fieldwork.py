@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 
 import stilb
-from tests.support.campaigns import ISOS, K_TRUE, LEVELS, ROI, SETTINGS
+from tests.support.campaigns import ISOS, K_TRUE, LEVELS, ROI, SETTINGS, list_readings
 from tests.support.frames import write_frame
 from tests.support.house import CAMERA
 
@@ -75,12 +75,7 @@ class Team:
         camera = self.client.create_camera(**CAMERA)
         campaign = self.client.create_campaign(camera.id)
         self.client.set_roi(campaign.id, polygon=ROI["polygon"])
-        readings = [
-            {"scene": scene, "quantity": "luminance", "value": value * factor, "unit": "cd/m2"}
-            for scene, value in LEVELS.items()
-            for factor in (0.998, 1.002)
-        ]
-        self.client.add_readings(campaign.id, readings)
+        self.client.add_readings(campaign.id, list_readings())
         return campaign
 
     def push(self, campaign: stilb.Campaign, shots: list[Shot]) -> list[stilb.Frame]:

@@ -1,10 +1,12 @@
 """Small DNG files as the simulated camera writes them, with a given signal."""
 
+import io
 import struct
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import tifffile
 
 from radiometry.frame.exposure import Settings
 from simulation.camera import Camera, change
@@ -88,6 +90,14 @@ def place_frame(
     directory = struct.pack("<H", len(new)) + b"".join(new) + bytes(4)
     moved = content[:4] + struct.pack("<I", place + len(gps)) + content[8:].ljust(place - 8, b"\0")
     return moved + gps + directory
+
+
+def empty_lower_half(content: bytes) -> bytes:
+    """As a card that was pulled leaves a file whose length had been set before."""
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        start, size = file.pages[0].dataoffsets[0], sum(file.pages[0].databytecounts)
+    half = start + size // 2
+    return content[:half] + bytes(start + size - half) + content[start + size :]
 
 
 def forget_time(content: bytes, *, zone_only: bool = False) -> bytes:

@@ -29,6 +29,7 @@ from worker.runner import run
 
 KEY = "stilb_test_key"
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
+PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "first"}
 
 
 # What takes long to make and holds nothing of a house. An application has its world in its context alone: the
@@ -83,15 +84,26 @@ class House:
             self.app, headers={"Authorization": f"Bearer {secret}"}, raise_server_exceptions=False
         )
 
-    def post(self, path: str, body, *, status: int = 201, **headers):
-        answer = self.http.post(path, json=body, headers=headers)
+    def with_scopes(self, *scopes: str) -> TestClient:
+        """A client with a key of its own, which may no more than this."""
+        return self.with_key(self.post("/v1/keys", {"name": "scoped", "scopes": scopes})["secret"])
+
+    def ask(self, method: str, path: str, *, status: int, **request):
+        answer = self.http.request(method, path, **request)
         assert answer.status_code == status, answer.text
         return answer.json()
 
+    def post(self, path: str, body, *, status: int = 201, **headers):
+        return self.ask("POST", path, status=status, json=body, headers=headers)
+
+    def put(self, path: str, body, *, status: int = 200):
+        return self.ask("PUT", path, status=status, json=body)
+
+    def patch(self, path: str, body, *, status: int = 200):
+        return self.ask("PATCH", path, status=status, json=body)
+
     def get(self, path: str, *, status: int = 200, **params):
-        answer = self.http.get(path, params=params or None)
-        assert answer.status_code == status, answer.text
-        return answer.json()
+        return self.ask("GET", path, status=status, params=params or None)
 
     def stage(self, recipe, **arguments):
         """Do what a recipe does; with `staged`, where this was done before, take a copy of what it made."""
@@ -116,6 +128,13 @@ class House:
         made = self.finish(f"/v1/campaigns/{campaign['id']}/calibrations", params)
         return self.get(f"/v1/calibrations/{made['calibration_id']}")
 
+    def publish(self, version: dict, *, status: int = 200, **changes) -> dict:
+        path = f"/v1/calibrations/{version['id']}/publish"
+        return self.post(path, {**PUBLICATION, **changes}, status=status)
+
+    def revoke(self, version: dict, reason: str = "wrong lamp") -> dict:
+        return self.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": reason}, status=200)
+
     def measure(self, **asked) -> dict:
         made = self.finish("/v1/measurements", asked)
         return self.get(f"/v1/measurements/{made['measurement_id']}")
@@ -135,9 +154,8 @@ class House:
         return self.post("/v1/campaigns", {"camera_id": self.camera()["id"], "method": "luminance"} | changes)
 
     def upload(self, campaign: dict, content: bytes, *, status: int = 201, **query):
-        answer = self.http.post(f"/v1/campaigns/{campaign['id']}/frames", content=content, params=query)
-        assert answer.status_code == status, answer.text
-        return answer.json()
+        path = f"/v1/campaigns/{campaign['id']}/frames"
+        return self.ask("POST", path, status=status, content=content, params=query)
 
     def frame_bytes(self, **changes) -> bytes:
         return write_frame(self.folder / "frame.dng", **changes).read_bytes()

@@ -51,19 +51,21 @@ def ready(process) -> tuple[str, str]:
 
 def _launch(parts: str, before: str) -> int:
     # the stand-ins, of which there are many, start in a fifth of the time without them
+    from service.launch import supervisor  # noqa: PLC0415
     from service.launch.run import Roster, launch, read_apart  # noqa: PLC0415
-    from service.launch.supervisor import Part  # noqa: PLC0415
 
+    # what a machine needs to recover, a stand-in does not
+    supervisor.FIRST_PAUSE_S, supervisor.LONGEST_PAUSE_S = 0.02, 1.0
     return launch(
         read_apart(),
         Roster(
             before=[[*SELF, step] for step in before.split(",") if step],
             parts=[
-                Part(
+                supervisor.Part(
                     name=part,
                     command=[*SELF, part],
                     stop_within_s=float(os.environ.get("STILB_TEST_STOP_S", "1")),
-                    has_pulse=part in {"beat", "hang", "lock"},
+                    has_pulse=part in {"beat", "lock"},
                 )
                 for part in parts.split(",")
                 if part
@@ -91,11 +93,6 @@ def _beat() -> None:
     while True:
         pulse.beat()
         time.sleep(0.5)
-
-
-def _hang() -> None:
-    Pulse(os.environ["STILB_PULSE"])
-    _wait()
 
 
 def _lock() -> None:
@@ -134,10 +131,6 @@ def _stubborn() -> None:
 
 def _fail() -> None:
     sys.exit(7)
-
-
-def _raise() -> None:
-    raise RuntimeError("no such database")
 
 
 if __name__ == "__main__":

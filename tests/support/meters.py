@@ -1,6 +1,6 @@
 """Campaigns whose readings name a meter, read so much too high or too low."""
 
-from tests.support.campaigns import LEVELS, upload_campaign
+from tests.support.campaigns import list_readings, upload_campaign
 
 METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite 2", "serial": "8F0042"}
 CERTIFICATE = {
@@ -21,14 +21,16 @@ def enter_meter(house, *, serial=METER["serial"], **changes) -> str:
     return answer.json()["id"]
 
 
+def withdraw_readings(house, campaign):
+    path = f"/v1/campaigns/{campaign['id']}/readings"
+    for reading in house.get(path, limit=1000)["items"]:
+        house.http.delete(f"/v1/readings/{reading['id']}").raise_for_status()
+
+
 def add_readings(house, campaign, meter_id, *, factor=1.0):
-    rows = [
-        {"scene": scene, "quantity": "luminance", "value": value * factor * nudge, "unit": "cd/m2"}
-        for scene, value in LEVELS.items()
-        for nudge in (0.998, 1.002)
-    ]
     named = {"meter_id": meter_id} if meter_id else {}
-    house.post(f"/v1/campaigns/{campaign['id']}/readings", [row | named for row in rows])
+    rows = list_readings(factors=(0.998 * factor, 1.002 * factor), **named)
+    house.post(f"/v1/campaigns/{campaign['id']}/readings", rows)
 
 
 def metered_campaign(house, meter_id, *, factor=1.0, isos=(3200,)) -> dict:

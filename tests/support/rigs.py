@@ -28,13 +28,8 @@ def photograph(house, camera, number, poses, *, scenes, publish=True):
             campaign, path.read_bytes(), role="chart", scene=name, filename=f"{camera['serial']}-{name}.DNG"
         )
     house.work()
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", PARAMS, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    version = job["result"]["calibration_id"]
+    version = house.fit(campaign, **PARAMS)["id"]
     if not publish:
         return campaign, version
-    publication = {"valid_from": "2026-01-01T00:00:00Z", "reason": "rig"}
-    house.post(f"/v1/calibrations/{version}/publish", publication, status=200)
+    house.publish({"id": version}, valid_from="2026-01-01T00:00:00Z")
     return campaign, version

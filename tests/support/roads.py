@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.support.campaigns import K_TRUE, published_campaign
 from tests.support.frames import BLACK, WHITE, write_raw
+from tests.support.meters import CERTIFICATE
 
 RULE = "EN 13201-2:2015"
 SPACING_M, WIDTH_M, PX_PER_M, MARGIN_M = 30.0, 6.0, 16, 4.0
@@ -38,14 +39,7 @@ METER = {
     "make": "Konica Minolta",
     "model": "T-10A",
     "serial": "40027731",
-    "certificate": {
-        "number": "E-2026-0118",
-        "laboratory": "Lab",
-        "issued_on": "2026-01-17",
-        "due_on": "2027-01-17",
-        "expanded_uncertainty_rel": 0.04,
-        "coverage_factor": 2,
-    },
+    "certificate": CERTIFICATE | {"number": "E-2026-0118", "expanded_uncertainty_rel": 0.04},
 }
 _EXPOSURE_S, _F_NUMBER, _ISO = 0.02, 2.0, 3200
 
@@ -109,8 +103,7 @@ def state_road(house, *, frames=2, publish=True, **changes):
     stated |= {"frames": [{"frame_id": each, "marks": MARKS} for each in ids]} | changes
     made = house.post("/v1/roads", stated)
     meter_id = house.post("/v1/meters", METER)["id"]
-    answer = house.http.put(f"/v1/roads/{made['id']}/points", json=list_points(meter_id))
-    assert answer.status_code == 200, answer.text
+    house.put(f"/v1/roads/{made['id']}/points", list_points(meter_id))
     return house.get(f"/v1/roads/{made['id']}")
 
 

@@ -4,6 +4,7 @@ import copy
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,8 @@ class Stages:
     def bring(self, house: House, server: PostgresServer | None, recipe: Callable, arguments: dict) -> Any:
         """Bring a new house to where the recipe leaves it, and return what the recipe returns."""
         assert _is_new(house), "a stage takes the place of all that a house holds: ask for it first"
-        key = (server is None, recipe, repr(sorted(arguments.items())))
+        defaults = {each.name: each.default for each in signature(recipe).parameters.values()}
+        key = (server is None, recipe, repr(sorted((defaults | arguments).items())))
         if key in self._kept:
             _restore(house, server, self._kept[key])
         else:
