@@ -232,7 +232,7 @@ router = operations.Router(prefix="/v1", tags=["calibrations"])
 
 @router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer)
 def get_impact(
-    calibration_id: lookup.Id,
+    calibration: lookup.Own[Calibration],
     caller: auth.Reader,
     context: UsesContext,
     session: Session,
@@ -240,7 +240,6 @@ def get_impact(
 ) -> Response:
     """Compare a version with the one in force: coefficients, flags, measurements."""
     instant = at or utc_now()
-    calibration = lookup.owned(session, Calibration, calibration_id, caller)
     against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
     if against is None:
         said = f"Nothing is in force then: {own} would be the first for that time."
@@ -259,18 +258,16 @@ def get_impact(
 
 
 @router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer)
-def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def list_camera_decisions(camera: lookup.Own[Camera], session: Session) -> Response:
     """List who made, published and revoked which version, when and why; newest first, all at once."""
-    lookup.owned(session, Camera, camera_id, caller)
-    found = list_decisions(session, camera_id)
-    names = name_people(session, caller.organisation_id)
+    found = list_decisions(session, camera.id)
+    names = name_people(session, camera.organisation_id)
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
 
 
 @router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer)
 def get_camera_validity(
-    camera_id: lookup.Id,
-    caller: auth.Reader,
+    camera: lookup.Own[Camera],
     session: Session,
     method: Method,
     known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
@@ -281,9 +278,8 @@ def get_camera_validity(
     at once, newest first.
     """
     known = known_at or utc_now()
-    lookup.owned(session, Camera, camera_id, caller)
-    found = list_lifetimes(session, camera_id, method, known)
-    names = name_people(session, caller.organisation_id)
+    found = list_lifetimes(session, camera.id, method, known)
+    names = name_people(session, camera.organisation_id)
     return schemas.ValidityAnswer(
         known_at=known, items=[schemas.LifetimeAnswer.of(row, names) for row in found]
     ).respond()
@@ -312,15 +308,14 @@ def list_recalls(paging: UsesPaging, caller: auth.Reader, session: Session) -> R
 
 
 @recalls_router.get("/{recall_id}", response_model=PurgeAnswer)
-def get_recall(recall_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def get_recall(recall: lookup.Own[Recall], session: Session) -> Response:
     """Return a recall with the current status of its versions, and the measurements that they affect."""
-    return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
+    return _whole(session, recall).respond()
 
 
 @recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=answers.problems(409))
-def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, session: Session) -> changes.Reply:
+def confirm_recall(recall: lookup.Own[Recall], caller: auth.Publisher, session: Session) -> changes.Reply:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
-    recall = lookup.owned(session, Recall, recall_id, caller)
     recalls.confirm(session, recall, by=caller.key_id)
     return changes.Reply(status=200, body=_whole(session, recall))
 

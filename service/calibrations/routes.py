@@ -21,12 +21,12 @@ from radiometry.specification.exports import Export, ExportOption, ExportSubject
 from service.calibrations import history, schemas
 from service.calibrations.methods import FitRequest, NewCalibration, read_request
 from service.documents import issuing, rendered
-from service.http import answers, auth, lookup, operations, tables
+from service.http import answers, operations, tables
 from service.http.answers import immutable_headers, not_modified, problems, sends_file, standing_headers
 from service.http.auth import Calibrator, Caller, Publisher, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Id, Own, owned
 from service.http.models import Answer, Form, PositiveText, Quantity, Text, told
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
@@ -93,43 +93,37 @@ def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequen
 
 
 @router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
-def list_campaign_calibrations(
-    campaign_id: Id, paging: UsesPaging, caller: Reader, session: Session
-) -> Response:
+def list_campaign_calibrations(campaign: Own[Campaign], paging: UsesPaging, session: Session) -> Response:
     """The versions that were fitted from a campaign, newest first."""
-    owned(session, Campaign, campaign_id, caller)
-    rows = select(Calibration).where(Calibration.campaign_id == campaign_id)
+    rows = select(Calibration).where(Calibration.campaign_id == campaign.id)
     return _page(session, paging, rows)
 
 
 @router.get("/cameras/{camera_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
 def list_camera_calibrations(
-    camera_id: Id,
+    camera: Own[Camera],
     paging: UsesPaging,
-    caller: Reader,
     session: Session,
     method: str | None = None,
     state: calibrations.VersionState | None = None,
 ) -> Response:
     """A camera's history, newest first."""
-    owned(session, Camera, camera_id, caller)
-    rows = calibrations.history(camera_id, method=method, state=state)
+    rows = calibrations.history(camera.id, method=method, state=state)
     return _page(session, paging, rows)
 
 
 @router.get("/calibrations/{calibration_id}", response_model=schemas.CalibrationAnswer)
-def get_calibration(calibration_id: Id, caller: Reader, session: Session) -> Response:
+def get_calibration(calibration: Own[Calibration], session: Session) -> Response:
     """One version, whole: coefficients, points, diagnostics, inputs."""
-    return _answer(session, owned(session, Calibration, calibration_id, caller)).respond()
+    return _answer(session, calibration).respond()
 
 
 @router.get("/calibrations/{calibration_id}/points.csv", **sends_file("text/csv"))
-def get_points_csv(calibration_id: Id, request: Request, caller: Reader, session: Session) -> Response:
+def get_points_csv(calibration: Own[Calibration], request: Request) -> Response:
     """Every point of the fit, used or left out, a line each.
 
     Of what is a list, such as the spots of a flat frame, stands its length, in a column `<name>_count`.
     """
-    calibration = owned(session, Calibration, calibration_id, caller)
     tag = f"{calibration.content_sha256}-points"
     return not_modified(request, tag) or Response(
         tables.write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
@@ -203,14 +197,13 @@ async def publish_calibration(
 
 @router.post("/calibrations/{calibration_id}/revoke", response_model=history.RevocationAnswer)
 def revoke_calibration(
-    calibration_id: Id, body: schemas.NewRevocation, caller: Publisher, session: Session
+    calibration: Own[Calibration], body: schemas.NewRevocation, caller: Publisher, session: Session
 ) -> Reply:
     """Revoke a version permanently. It stays readable; nothing takes its place automatically.
 
     `measurements` are those made with it: they stay, flagged, with what another version would make of each.
     `roads` are evaluations with frames that rest on it.
     """
-    calibration = owned(session, Calibration, calibration_id, caller)
     publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
     answer = _answer(session, calibration)
     return Reply(status=200, body=history.RevocationAnswer.revoked(session, calibration, answer))
@@ -294,15 +287,12 @@ _ANSWERS = {"get_camera_json": CameraFile, "get_odm_cameras": OdmCameras}
 
 def _add(method: str, export: Export) -> None:
     def send(
-        calibration_id: lookup.Id,
+        calibration: Own[Calibration],
         request: Request,
         query: Any,  # noqa: ANN401  a form of the export's options
-        caller: auth.Reader,
-        context: UsesContext,
+        session: Session,
     ) -> Response:
-        with context.database.reading() as session:
-            calibration = lookup.owned(session, Calibration, calibration_id, caller)
-            camera = session.get_one(Camera, calibration.camera_id)
+        camera = session.get_one(Camera, calibration.camera_id)
         _require(calibration, camera, method, export)
         tag = f"{calibration.content_sha256}-{export.filename}-{request.url.query}"
         if (unchanged := answers.not_modified(request, tag)) is not None:

@@ -18,7 +18,7 @@ from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
 from service.http import answers, auth, connections, models, operations, paging, problems
 from service.http.changes import Reply
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Own
 from store.queries import audit, campaigns
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -93,9 +93,8 @@ _MOST_FRAMES = 5000
 
 @router.get("/grid", **answers.sends(CampaignGridAnswer, 404))
 def get_campaign_grid(
-    campaign_id: Id,
+    campaign: Own[Campaign],
     request: Request,
-    caller: auth.Reader,
     context: UsesContext,
     limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
     cursor: paging.Cursor = None,
@@ -110,8 +109,7 @@ def get_campaign_grid(
     With `since` the answer holds the changed frames alone and says `partial`, unless all may have changed.
     """
     with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
-        revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
+        revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign.id)
         after = "" if cursor is None else paging.read_key(cursor, FrameRow.__tablename__)
         tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}"
         tag = hashlib.sha256(tagged.encode()).hexdigest()
@@ -120,37 +118,38 @@ def get_campaign_grid(
             return unchanged
         if since:
             # which verdicts have changed is known once they are kept
-            context.reviews.find(session, campaign_id)
+            context.reviews.find(session, campaign.id)
     with context.database.reading() as session:
-        campaign = session.get_one(Campaign, campaign_id)
-        reviewed = session.get_one(CampaignReview, campaign_id)
+        campaign = session.get_one(Campaign, campaign.id)
+        reviewed = session.get_one(CampaignReview, campaign.id)
         known = _read_since(since, reviewed)
         frames = campaigns.read_grid(session, campaign, after=after, limit=limit + 1, since=known)
         more, frames = len(frames) > limit, frames[:limit]
-        review = context.reviews.find(session, campaign_id, verdicts_of=[frame["id"] for frame in frames])
+        review = context.reviews.find(session, campaign.id, verdicts_of=[frame["id"] for frame in frames])
     place = paging.write_cursor([FrameRow.__tablename__, frames[-1]["id"]]) if more else None
-    following = request.url.include_query_params(cursor=place) if place else None
+
     answer = CampaignGridAnswer(
         frames=_shape(frames, review.verdicts),
         gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
         partial=known is not None,
         since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
-        next=connections.absolute(request, f"{following.path}?{following.query}") if following else None,
+        next=connections.address_with(request, cursor=place) if place else None,
     )
     body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
     return Response(body, headers=headers, media_type="application/json")
 
 
 @router.patch("/frames", response_model=FramesChanged, responses=answers.problems(404, 409))
-def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, session: Session) -> Reply:
+def change_frames(
+    campaign: Own[Campaign], body: FramesChange, caller: auth.Calibrator, session: Session
+) -> Reply:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
 
     With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
     how the frame is now.
     """
-    owned(session, Campaign, campaign_id, caller)
     ids = sorted(set(body.frame_ids))
-    chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
+    chosen = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.id.in_(ids))
     frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
     if unknown := set(ids) - {frame.id for frame in frames}:
         raise problems.wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")

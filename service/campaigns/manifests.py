@@ -143,7 +143,7 @@ _STATEMENT = (
 
 @router.post("/campaigns/{campaign_id}/manifest", response_model=ManifestAnswer)
 def send_manifest(
-    campaign_id: lookup.Id,
+    campaign: lookup.Own[Campaign],
     body: NewManifest,
     caller: auth.Uploader,
     context: UsesContext,
@@ -155,13 +155,12 @@ def send_manifest(
     """
     said = body.model_dump(mode="json")
     sha256 = hashlib.sha256(write_canonical(said)).hexdigest()
+    same = select(Manifest).where(Manifest.campaign_id == campaign.id, Manifest.sha256 == sha256)
     with context.database.reading() as session:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
-        same = select(Manifest).where(Manifest.campaign_id == campaign.id, Manifest.sha256 == sha256)
         manifest = session.scalar(same)
     if manifest is None:
         manifest = Manifest(
-            organisation_id=caller.organisation_id, campaign_id=campaign_id, sha256=sha256, **said
+            organisation_id=caller.organisation_id, campaign_id=campaign.id, sha256=sha256, **said
         )
         try:
             with context.database.writing(caller.key_id, caller.organisation_id) as session:
@@ -176,14 +175,14 @@ def send_manifest(
         stored=len(manifest.files) - len(missing),
         complete=not missing,
         missing=missing,
-        receipt=None if missing else f"/v1/campaigns/{campaign_id}/receipt?manifest_id={manifest.id}",
+        receipt=None if missing else f"/v1/campaigns/{campaign.id}/receipt?manifest_id={manifest.id}",
     )
     return answer.respond()
 
 
 @router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=answers.problems(409))
 def get_receipt(
-    campaign_id: lookup.Id,
+    campaign: lookup.Own[Campaign],
     caller: auth.Anybody,
     context: UsesContext,
     manifest_id: Annotated[
@@ -197,7 +196,6 @@ def get_receipt(
     """
     auth.require(caller, "upload" if "upload" in caller.scopes else "read")
     with context.database.reading() as session:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         manifest = find_manifest(session, campaign, manifest_id)
     if manifest is None and manifest_id is not None:
         raise problems.not_found("manifest")

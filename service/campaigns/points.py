@@ -172,7 +172,7 @@ async def _body(request: Request, _caller: auth.Uploader) -> bytes:
     openapi_extra={"requestBody": {"required": True, "content": _TABLE}},
 )
 def add_points(
-    campaign_id: lookup.Id,
+    campaign: lookup.Own[Campaign],
     told: Annotated[PointsTable, Query()],
     caller: auth.Uploader,
     request: Request,
@@ -185,8 +185,6 @@ def add_points(
     max_dn, std_dn and pixels, or those of ImageJ's Results with scene and settings added. A wrong row is
     named with its line and column, and nothing is stored.
     """
-    with writing.context.database.reading() as session:
-        lookup.owned(session, Campaign, campaign_id, caller)
     if not tables.is_table(request) and request.headers.get("content-type") != _BYTES:
         raise problems.Problem(interface.BAD_REQUEST, "Send the table with Content-Type: text/csv.")
     points, ignored = read_points(data, told)
@@ -194,14 +192,14 @@ def add_points(
     hashes = {
         point.filename: hashlib.sha256(row).hexdigest() for point, row in zip(points, rows, strict=True)
     }
-    admit(context, campaign_id, caller, None, sum(map(len, rows)), role=points[0].role)
+    admit(context, campaign.id, caller, None, sum(map(len, rows)), role=points[0].role)
     with context.database.reading() as session:
-        _refuse(lookup.owned(session, Campaign, campaign_id, caller), session, hashes)
+        _refuse(campaign, session, hashes)
     blobs = [context.blobs.keep([row]) for row in rows]
 
     def change(session: Session) -> changes.Reply:
-        campaign = lookup.owned(session, Campaign, campaign_id, caller)
-        require_role(campaign, points[0].role)
+        here = session.get_one(Campaign, campaign.id)
+        require_role(here, points[0].role)
         pixel = whole_frame(1, 1)
         roi = find_or_add_roi(session, caller.organisation_id, Drawing(polygon=pixel, corners=pixel.points))
         frames = [
@@ -215,7 +213,7 @@ def add_points(
             )
             for point, blob in zip(points, blobs, strict=True)
         ]
-        found = find_or_add_frames(session, [(campaign, frame) for frame in frames])
+        found = find_or_add_frames(session, [(here, frame) for frame in frames])
         jobs = [
             enqueue_extraction(session, frame, caller.organisation_id, by=caller.key_id, is_new=is_new)
             for frame, is_new, to_read in found

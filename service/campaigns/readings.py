@@ -49,7 +49,7 @@ _BODY = tables.OneOrMany(NewReading, MOST_READINGS, _READ)
     openapi_extra=_BODY.stated,
 )
 def add_campaign_readings(
-    campaign_id: lookup.Id,
+    campaign: lookup.Own[Campaign],
     body: Annotated[list[NewReading] | NewReading, Depends(_BODY)],
     caller: auth.Calibrator,
     session: Session,
@@ -60,7 +60,6 @@ def add_campaign_readings(
     A reading that `replaces` another one takes its place, and the other stays in the record, withdrawn.
     """
     forms = [body] if isinstance(body, NewReading) else body
-    campaign = lookup.owned(session, Campaign, campaign_id, caller)
     for named in {form.meter_id for form in forms if form.meter_id}:
         lookup.owned(session, Meter, named, caller)
     meters = [lookup.owned(session, Meter, each, caller) for each in meter_id or ()]
@@ -81,28 +80,27 @@ def add_campaign_readings(
 
 
 @router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer])
-def list_readings(
-    campaign_id: lookup.Id, paging: UsesPaging, caller: auth.Reader, session: Session
-) -> Response:
+def list_readings(campaign: lookup.Own[Campaign], paging: UsesPaging, session: Session) -> Response:
     """A campaign's readings, withdrawn ones too, oldest first."""
-    rows = select(Reading).where(Reading.campaign_id == campaign_id)
-    lookup.owned(session, Campaign, campaign_id, caller)
+    rows = select(Reading).where(Reading.campaign_id == campaign.id)
     return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
 
 
 @router.delete("/readings/{reading_id}", response_model=ReadingAnswer)
-def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def withdraw_reading(
+    reading: lookup.Own[Reading], _caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
-    reading = lookup.owned(session, Reading, reading_id, caller)
     reading.withdrawn_at = reading.withdrawn_at or utc_now()
     session.flush()
     return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
 
 @router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer)
-def restore_reading(reading_id: lookup.Id, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def restore_reading(
+    reading: lookup.Own[Reading], _caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Undo the withdrawal of a reading."""
-    reading = lookup.owned(session, Reading, reading_id, caller)
     reading.withdrawn_at = None
     session.flush()
     return changes.Reply(status=200, body=ReadingAnswer.of(reading))

@@ -2,9 +2,9 @@
 
 from typing import Annotated, Any
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Query, Response
 from pydantic import ConfigDict, Field, Strict, ValidationError, model_validator
-from sqlalchemy import select, true
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import findings, methods
@@ -16,7 +16,7 @@ from service.http import answers, operations, paging
 from service.http.auth import Calibrator, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Id, Own, owned
 from service.http.models import Answer, Form, LongText, Text, maybe, rfc3339, told
 from service.http.problems import Problem, invalid, located, wrong
 from service.measurements.requests import read_roi
@@ -101,7 +101,7 @@ def create_campaign(body: schemas.NewCampaign, caller: Calibrator, session: Sess
     return Reply(status=201, body=schemas.CampaignAnswer.restate(campaign))
 
 
-class CampaignListing(paging.Listing):
+class CampaignListing(paging.Paging):
     archived: Annotated[bool | None, Query(description="Only those put away, or only the others.")] = None
     project_number: Text | None = None
     camera_id: Text | None = None
@@ -111,30 +111,26 @@ class CampaignListing(paging.Listing):
 
 @router.get("", response_model=paging.Page[schemas.CampaignAnswer])
 def list_campaigns(
-    request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
+    listing: Annotated[CampaignListing, Depends()], caller: Reader, session: Session
 ) -> Response:
     """The campaigns of your organisation, oldest first."""
-    away = Campaign.archived_at.is_not(None)
-    where = true() if listing.archived is None else away if listing.archived else ~away
-    rest = listing.model_copy(update={"archived": None})
-    return paging.page_own(
-        request, context, caller, Campaign, rest, schemas.CampaignAnswer.restate, where=where
-    )
+    rows = select(Campaign)
+    if listing.archived is not None:
+        rows = rows.where(Campaign.archived_at.is_not(None) == listing.archived)
+    return listing.send_own(session, caller, rows, schemas.CampaignAnswer.restate)
 
 
 @router.get("/{campaign_id}", response_model=schemas.CampaignAnswer)
-def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
+def get_campaign(campaign: Own[Campaign], context: UsesContext, session: Session) -> Response:
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
-    campaign = owned(session, Campaign, campaign_id, caller)
-    return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
+    return _whole(session, campaign, context.reviews.find(session, campaign.id)).respond()
 
 
 @router.patch("/{campaign_id}", response_model=schemas.CampaignAnswer, responses=answers.problems(409))
 def change_campaign(
-    campaign_id: Id, body: schemas.CampaignChange, caller: Calibrator, session: Session
+    campaign: Own[Campaign], body: schemas.CampaignChange, caller: Calibrator, session: Session
 ) -> Reply:
     """Correct what is written on a campaign."""
-    campaign = owned(session, Campaign, campaign_id, caller)
     if body.panel_id is not None:
         owned(session, Panel, body.panel_id, caller)
     _check_stated(campaign.method, body)
@@ -161,23 +157,18 @@ def change_campaign(
 
 
 @router.put("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
-def set_campaign_roi(campaign_id: Id, body: schemas.NewRoi, caller: Calibrator, writing: Writes) -> Response:
+def set_campaign_roi(
+    campaign: Own[Campaign], body: schemas.NewRoi, caller: Calibrator, session: Session
+) -> Reply:
     """Set the region of every frame that has none of its own; older statistics stay."""
-    drawing = read_roi(body)
-
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        roi = campaigns.find_or_add_roi(session, caller.organisation_id, drawing)
-        jobs = campaigns.set_roi(session, campaign, roi, by=caller.key_id)
-        return Reply(status=200, body=schemas.RoiAnswer.of(roi), jobs=jobs)
-
-    return writing.run(caller, change)
+    roi = campaigns.find_or_add_roi(session, caller.organisation_id, read_roi(body))
+    jobs = campaigns.set_roi(session, campaign, roi, by=caller.key_id)
+    return Reply(status=200, body=schemas.RoiAnswer.of(roi), jobs=jobs)
 
 
 @router.get("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
-def get_campaign_roi(campaign_id: Id, caller: Reader, session: Session) -> Response:
+def get_campaign_roi(campaign: Own[Campaign], session: Session) -> Response:
     """The region in use."""
-    campaign = owned(session, Campaign, campaign_id, caller)
     if campaign.roi_id is None:
         raise Problem(findings.interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
     return schemas.RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
@@ -273,13 +264,12 @@ checklist_router = operations.Router(prefix="/v1/campaigns/{campaign_id}/checkli
 
 
 @checklist_router.get("", response_model=ChecklistAnswer, responses=answers.problems(404))
-def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext, session: Session) -> Response:
+def get_checklist(campaign: Own[Campaign], context: UsesContext, session: Session) -> Response:
     """The items of the printed checklist, who ticked each and from what it follows.
 
     Only the luminance procedure has one: of another method's campaign there are no items, and `said` says so.
     """
-    campaign = owned(session, Campaign, campaign_id, caller)
-    return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
+    return _answer(session, campaign, context.reviews.find(session, campaign.id).record).respond()
 
 
 @checklist_router.patch("", response_model=ChecklistAnswer, responses=answers.problems(404, 409))

@@ -316,8 +316,7 @@ def answer_series(
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None
     if until is not None:
-        address = request.url.include_query_params(cursor=paging.write_cursor(until))
-        following = connections.absolute(request, f"{address.path}?{address.query}")
+        following = connections.address_with(request, cursor=paging.write_cursor(until))
         headers["Link"] = f'<{following}>; rel="next"'
     pages = series.read(after=after, until=until)
     content = gather(write_json(pages, columns, following) if shape == "json" else write_csv(pages, columns))

@@ -15,7 +15,7 @@ from radiometry.specification.application import SurfaceApplication
 from service.documents.rendered import Order, order_sheets
 from service.documents.routes import send_pdf
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
-from service.http import answers, auth, lookup, operations, problems
+from service.http import answers, lookup, operations, problems
 from service.http.context import UsesContext
 from service.measurements import exports, routes
 from store.files import Files
@@ -248,37 +248,36 @@ _LINES = 'fill="none" stroke="#ffffff" stroke-opacity="0.9"'
 
 @router.get("/report.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_measurement_report(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+    measurement: lookup.Own[Measurement], request: Request, context: UsesContext
 ) -> Response:
     """The measurement of a surface on two pages of A4 (PDF/A): figures, map, cells, budget and flags.
 
     Without a map it has the frame's preview. Long tables end with a sentence that says so.
     """
+    spec = get_method(measurement.method)
+    if not isinstance(application := spec.application, SurfaceApplication):
+        detail = "Only the measurement of a surface has a report: this one has none."
+        raise problems.Problem(interface.NOT_FOUND, detail)
 
     def order() -> tuple[str, Order]:
         with context.database.reading() as session:
-            row = lookup.owned(session, Measurement, measurement_id, caller)
-            spec = get_method(row.method)
-            if not isinstance(spec.application, SurfaceApplication):
-                detail = "Only the measurement of a surface has a report: this one has none."
-                raise problems.Problem(interface.NOT_FOUND, detail)
-            frame = session.get_one(FrameRow, row.frame_id)
-            version = session.get_one(Calibration, row.calibration_id)
+            frame = session.get_one(FrameRow, measurement.frame_id)
+            version = session.get_one(Calibration, measurement.calibration_id)
+            laboratory = session.get_one(Organisation, measurement.organisation_id)
             reported = Reported(
-                quantity=spec.application.quantity,
+                quantity=application.quantity,
                 camera=session.get_one(Camera, version.camera_id),
-                place=session.get_one(Campaign, row.campaign_id).place,
+                place=session.get_one(Campaign, measurement.campaign_id).place,
                 exposure=frame.exposure,
-                by=organisations.name_laboratory(session.get_one(Organisation, row.organisation_id)),
+                by=organisations.name_laboratory(laboratory),
                 label=spec.label,
                 version=version,
                 status=calibrations.read_version_statuses(session, [version.id])[version.id],
-                picture=_draw(row, frame, context.files),
-                has_map=row.map_png_sha256 is not None,
+                picture=_draw(measurement, frame, context.files),
+                has_map=measurement.map_png_sha256 is not None,
             )
-            return row.id, order_sheets(
-                lay_out_report(routes.answer_measurements(session, [row])[0].dump(), reported)
-            )
+            answer = routes.answer_measurements(session, [measurement])[0].dump()
+        return measurement.id, order_sheets(lay_out_report(answer, reported))
 
     return await send_pdf(request, context, order)
 

@@ -1,7 +1,7 @@
 """Papers of a road: its report on two pages with the headings of EN 13201-4, and the card of a plan."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import Query, Request, Response
 
@@ -9,7 +9,7 @@ from radiometry.drawing.text import in_step, write_exposure, write_unit
 from service.documents.rendered import Order, order_sheets
 from service.documents.routes import send_pdf
 from service.documents.sheets import Node, optional, percent, plain, stamp, table
-from service.http import answers, auth, lookup, operations
+from service.http import answers, lookup, operations
 from service.http.context import UsesContext
 from service.roads import drawing, routes, schemas, words
 from store.queries.organisations import name_laboratory
@@ -193,20 +193,18 @@ async def get_road_report(row: routes.UsesResult, request: Request, context: Use
 
 @router.get("/plan.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_road_plan_card(
-    road_id: lookup.Id,
+    road: lookup.Own[Road],
     wanted: Annotated[schemas.WantedPlan, Query()],
     request: Request,
-    caller: auth.Reader,
     context: UsesContext,
 ) -> Response:
     """The plan as a card for the person on the road: two sides of A5, where and what to read."""
 
     def order() -> tuple[str, Order]:
-        plan = schemas.RoadPlanAnswer.restate(routes.make_plan(context, road_id, wanted, caller)).dump()
         with context.database.reading() as session:
-            row = lookup.owned(session, Road, road_id, caller)
-            by = name_laboratory(session.get_one(Organisation, row.organisation_id))
-            road: dict[str, Any] = routes.answer_road(session, row).dump()
-        return road["id"], order_sheets(lay_out_card(road, plan, by=by))
+            by = name_laboratory(session.get_one(Organisation, road.organisation_id))
+            plan = routes.answer_plan(session, road, wanted).dump()
+            answer = routes.answer_road(session, road).dump()
+        return road.id, order_sheets(lay_out_card(answer, plan, by=by))
 
     return await send_pdf(request, context, order)

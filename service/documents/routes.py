@@ -15,7 +15,7 @@ from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate
 from service.documents.dcc import write_dcc
 from service.documents.issuing import draw_preview, find_issued, gather
-from service.http import answers, auth, lookup, models, operations, problems
+from service.http import answers, lookup, models, operations, problems
 from service.http.context import Context, UsesContext
 from store import blobs, publications
 from store.queries.calibration_record import CalibrationRecord
@@ -44,7 +44,7 @@ class DccOptions(Chosen):
 
 @router.get("/certificate.json", **answers.sends(schemas.CertificateAnswer, 404, 416, 500))
 async def get_certificate(
-    calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
+    calibration: lookup.Own[Calibration], query: WhichOne, request: Request, context: UsesContext
 ) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
 
@@ -52,12 +52,12 @@ async def get_certificate(
     stands with the version, which the header `Link` names (rel `status`). Of a draft it is derived when it is
     read: the ETag follows all of it.
     """
-    issued = await _find(context, calibration_id, caller, query.amendment)
+    issued = await _find(context, calibration.id, query.amendment)
 
     def send() -> Response:
         if issued is not None:
             return _send_issued(request, context, issued, "application/json")
-        certificate, _ = _derive(context, calibration_id)
+        certificate, _ = _derive(context, calibration)
         return _answer(request, sheets.write_json(certificate).encode(), "application/json")
 
     return await run_in_threadpool(send)
@@ -65,7 +65,7 @@ async def get_certificate(
 
 @router.get("/certificate.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_certificate_pdf(
-    calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
+    calibration: lookup.Own[Calibration], query: WhichOne, request: Request, context: UsesContext
 ) -> Response:
     """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
 
@@ -73,12 +73,12 @@ async def get_certificate_pdf(
 
     A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
     """
-    issued = await _find(context, calibration_id, caller, query.amendment)
+    issued = await _find(context, calibration.id, query.amendment)
     if issued is not None:
         return await run_in_threadpool(_send_issued, request, context, issued, "application/pdf")
 
     def order() -> tuple[str, rendered.Order]:
-        certificate, record = _derive(context, calibration_id)
+        certificate, record = _derive(context, calibration)
         return certificate["number"], rendered.order_certificate(
             certificate, draw_preview(record, context.files)
         )
@@ -88,20 +88,19 @@ async def get_certificate_pdf(
 
 @router.get("/certificate.xml", **answers.sends_file("application/xml"))
 async def get_certificate_dcc(
-    calibration_id: lookup.Id,
+    calibration: lookup.Own[Calibration],
     query: Annotated[DccOptions, Query()],
     request: Request,
-    caller: auth.Reader,
     context: UsesContext,
 ) -> Response:
     """The certificate as a Digital Calibration Certificate (DCC 3.1.2), marked as the version stands now.
 
     certificate.json is its document. A DCC needs a customer and the days of the work: 422 without.
     """
-    issued = await _find(context, calibration_id, caller, query.amendment)
+    issued = await _find(context, calibration.id, query.amendment)
 
     def send() -> Response:
-        certificate, document, validity = _read(context, calibration_id, issued)
+        certificate, document, validity = _read(context, calibration, issued)
         missing = {"customer": "customer", "first_day": "started_at"}
         if lacking := [name for member, name in missing.items() if member not in certificate["work"]]:
             detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
@@ -128,14 +127,11 @@ async def send_pdf(
     return await to_thread.run_sync(make, limiter=context.presses)
 
 
-async def _find(
-    context: Context, calibration_id: str, caller: auth.Caller, amendment: int
-) -> IssuedCertificate | None:
-    """Return what was issued of the caller's version; None of a draft."""
+async def _find(context: Context, calibration_id: str, amendment: int) -> IssuedCertificate | None:
+    """Return what was issued of a version; None of a draft."""
 
     def find() -> list[IssuedCertificate] | None:
         with context.database.reading() as session:
-            lookup.owned(session, Calibration, calibration_id, caller)
             found = publications.list_issued(session, calibration_id)
             return None if not found and publications.is_published(session, calibration_id) else found
 
@@ -148,12 +144,12 @@ async def _find(
 
 
 def _read(
-    context: Context, calibration_id: str, issued: IssuedCertificate | None
+    context: Context, calibration: Calibration, issued: IssuedCertificate | None
 ) -> tuple[sheets.Node, bytes, sheets.Node]:
     with context.database.reading() as session:
-        status = read_version_statuses(session, [calibration_id])[calibration_id]
+        status = read_version_statuses(session, [calibration.id])[calibration.id]
     if issued is None:
-        certificate, _ = _derive(context, calibration_id)
+        certificate, _ = _derive(context, calibration)
         content = sheets.write_json(certificate).encode()
     else:
         with _naming(issued):
@@ -162,9 +158,9 @@ def _read(
     return certificate, content, schemas.Validity.restate(status).dump()
 
 
-def _derive(context: Context, calibration_id: str) -> tuple[sheets.Node, CalibrationRecord]:
+def _derive(context: Context, calibration: Calibration) -> tuple[sheets.Node, CalibrationRecord]:
     with context.database.reading() as session:
-        record = gather(context, session, session.get_one(Calibration, calibration_id))
+        record = gather(context, session, calibration)
     return build_certificate(record).dump(), record
 
 

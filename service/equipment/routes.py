@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, get_args, get_type_hints
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Query, Response
 from pydantic import BaseModel
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -32,7 +32,7 @@ def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Ses
     return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 
 
-class CameraListing(paging.Listing):
+class CameraListing(paging.Paging):
     make: models.Text | None = None
     model: models.Text | None = None
     serial: models.Text | None = None
@@ -40,24 +40,23 @@ class CameraListing(paging.Listing):
 
 @router.get("", response_model=paging.Page[schemas.CameraAnswer])
 def list_cameras(
-    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[CameraListing, Query()]
+    listing: Annotated[CameraListing, Depends()], caller: auth.Reader, session: Session
 ) -> Response:
     """The cameras of your organisation, oldest first."""
-    return paging.page_own(request, context, caller, Camera, listing, schemas.CameraAnswer.of)
+    return listing.send_own(session, caller, select(Camera), schemas.CameraAnswer.of)
 
 
 @router.get("/{camera_id}", response_model=schemas.CameraAnswer)
-def get_camera(camera_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def get_camera(camera: lookup.Own[Camera]) -> Response:
     """One camera."""
-    return schemas.CameraAnswer.of(lookup.owned(session, Camera, camera_id, caller)).respond()
+    return schemas.CameraAnswer.of(camera).respond()
 
 
 @router.patch("/{camera_id}", response_model=schemas.CameraAnswer)
 def change_camera(
-    camera_id: lookup.Id, body: schemas.CameraChange, caller: auth.Calibrator, session: Session
+    camera: lookup.Own[Camera], body: schemas.CameraChange, caller: auth.Calibrator, session: Session
 ) -> changes.Reply:
     """Correct a camera's names, lens or sensor. With other names its campaigns' frames are checked again."""
-    camera = lookup.owned(session, Camera, camera_id, caller)
     before = _names(camera)
     for name, value in _columns(body).items():
         setattr(camera, name, None if value == "" else value)
@@ -100,23 +99,23 @@ def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, session: Sessi
     return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
 
 
-class MeterListing(paging.Listing):
+class MeterListing(paging.Paging):
     kind: models.Text | None = None
     serial: models.Text | None = None
 
 
 @meters_router.get("", response_model=paging.Page[schemas.MeterAnswer])
 def list_meters(
-    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[MeterListing, Query()]
+    listing: Annotated[MeterListing, Depends()], caller: auth.Reader, session: Session
 ) -> Response:
     """The meters of your organisation, oldest first."""
-    return paging.page_own(request, context, caller, Meter, listing, schemas.MeterAnswer.of)
+    return listing.send_own(session, caller, select(Meter), schemas.MeterAnswer.of)
 
 
 @meters_router.get("/{meter_id}", response_model=schemas.MeterAnswer)
-def get_meter(meter_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def get_meter(meter: lookup.Own[Meter]) -> Response:
     """One meter."""
-    return schemas.MeterAnswer.of(lookup.owned(session, Meter, meter_id, caller)).respond()
+    return schemas.MeterAnswer.of(meter).respond()
 
 
 panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
@@ -138,22 +137,22 @@ def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Sessi
     return changes.Reply(status=201 if new else 200, body=schemas.PanelAnswer.restate(panel))
 
 
-class PanelListing(paging.Listing):
+class PanelListing(paging.Paging):
     serial: models.Text | None = None
 
 
 @panels_router.get("", response_model=paging.Page[schemas.PanelAnswer])
 def list_panels(
-    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[PanelListing, Query()]
+    listing: Annotated[PanelListing, Depends()], caller: auth.Reader, session: Session
 ) -> Response:
     """The panels of your organisation, oldest entry first."""
-    return paging.page_own(request, context, caller, Panel, listing, schemas.PanelAnswer.restate)
+    return listing.send_own(session, caller, select(Panel), schemas.PanelAnswer.restate)
 
 
 @panels_router.get("/{panel_id}", response_model=schemas.PanelAnswer)
-def get_panel(panel_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def get_panel(panel: lookup.Own[Panel]) -> Response:
     """One panel as it was measured on a day."""
-    return schemas.PanelAnswer.restate(lookup.owned(session, Panel, panel_id, caller)).respond()
+    return schemas.PanelAnswer.restate(panel).respond()
 
 
 _PARTS = get_type_hints(fleet.SPEC.result)
@@ -263,32 +262,30 @@ def create_rig(body: NewRig, caller: auth.Calibrator, session: Session) -> chang
     return changes.Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
 
 
-class RigListing(paging.Listing):
+class RigListing(paging.Paging):
     name: models.Text | None = None
 
 
 @rigs_router.get("", response_model=paging.Page[RigAnswer])
-def list_rigs(
-    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
-) -> Response:
+def list_rigs(listing: Annotated[RigListing, Depends()], caller: auth.Reader, session: Session) -> Response:
     """The rigs of your organisation, oldest entry first."""
-    return paging.page_own(request, context, caller, Rig, listing, RigAnswer.restate)
+    return listing.send_own(session, caller, select(Rig), RigAnswer.restate)
 
 
 @rigs_router.get("/{rig_id}", response_model=RigAnswer)
-def get_rig(rig_id: lookup.Id, caller: auth.Reader, session: Session) -> Response:
+def get_rig(rig: lookup.Own[Rig]) -> Response:
     """One rig."""
-    return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
+    return RigAnswer.restate(rig).respond()
 
 
 @rigs_router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer)
 def get_rig_orientation(
-    rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, judging: Judging
+    rig: lookup.Own[Rig], caller: auth.Reader, context: UsesContext, judging: Judging
 ) -> Response:
     """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
-    _, found, why = _orient_sets(rig_id, caller, context, judging.calibration_id)
+    found, why = _orient_sets(rig, caller, context, judging.calibration_id)
     return RigOrientationAnswer.restate(
-        rig_id=rig_id,
+        rig_id=rig.id,
         sets=[
             {
                 "at": members[0].at,
@@ -310,9 +307,9 @@ _Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
 
 
 def _orient_sets(
-    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
-) -> tuple[Rig, _Oriented, list[determinations.LeftOut]]:
-    rig, sets, left_out = _find_sets(rig_id, caller, context, calibration_ids)
+    rig: Rig, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[_Oriented, list[determinations.LeftOut]]:
+    sets, left_out = _find_sets(rig, caller, context, calibration_ids)
     found, why = [], list(left_out)
     for members in sets[-MOST_SETS:]:
         try:
@@ -321,14 +318,13 @@ def _orient_sets(
             if len(sets) == 1:
                 raise
             why += [determinations.LeftOut(version=each.version, why=refusal.message) for each in members]
-    return rig, found, why
+    return found, why
 
 
 def _find_sets(
-    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
-) -> tuple[Rig, tuple[tuple[drift.RigVersion, ...], ...], tuple[determinations.LeftOut, ...]]:
+    rig: Rig, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[tuple[tuple[drift.RigVersion, ...], ...], tuple[determinations.LeftOut, ...]]:
     with context.database.reading() as session:
-        rig = lookup.owned(session, Rig, rig_id, caller)
         cameras = fleet.list_cameras(session, rig)
         if calibration_ids:
             rows = [lookup.owned(session, Calibration, each, caller) for each in calibration_ids]
@@ -344,15 +340,15 @@ def _find_sets(
                 )
                 for camera in cameras
             )
-            return rig, (members,), ()
+            return (members,), ()
         versions, left_out = zip(*(fleet.list_versions(session, camera) for camera in cameras), strict=True)
     sets, others = drift.group_sets(versions, fleet.SPEC.count_shared)
-    return rig, sets, (*(each for group in left_out for each in group), *others)
+    return sets, (*(each for group in left_out for each in group), *others)
 
 
 def _add_export(export: RigExport) -> None:
-    def send(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
-        rig, found, _ = _orient_sets(rig_id, caller, context, chosen.calibration_id)
+    def send(rig: lookup.Own[Rig], caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
+        found, _ = _orient_sets(rig, caller, context, chosen.calibration_id)
         if not found:
             raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
         members, orientation = found[-1]

@@ -25,7 +25,7 @@ from service.frames.routes import require_header, require_preview
 from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Own
 from service.jobs.routes import QUEUES, JobAnswer, queue
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
@@ -130,27 +130,20 @@ router = operations.Router(prefix="/v1", tags=["frames"])
 
 
 @router.post("/frames/{frame_id}/region", **QUEUES, responses=answers.problems(409))
-def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes.Writes) -> Response:
+def look_at_region(frame: Own[FrameRow], body: NewLook, caller: Reader, session: Session) -> changes.Reply:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
     `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
     pixels from (row0_px, col0_px) that hold samples at the white level, with the share of such pixels.
     """
-    polygon = Polygon.from_points(body.polygon)
-
-    def change(session: Session) -> changes.Reply:
-        frame = owned(session, FrameRow, frame_id, caller)
-        header = require_header(frame)
-        bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
-        return queue(session, caller, frame, {"polygon": [list(point) for point in polygon.points]})
-
-    return writing.run(caller, change)
+    polygon, header = Polygon.from_points(body.polygon), require_header(frame)
+    bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
+    return queue(session, caller, frame, {"polygon": [list(point) for point in polygon.points]})
 
 
 @router.post("/frames/{frame_id}/grid", response_model=GridLook, dependencies=stateless)
-def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, session: Session) -> Response:
+def look_at_grid(frame: Own[FrameRow], body: requests.NewGrid, session: Session) -> Response:
     """Preview a grid without measuring it, with the flags that its corners would raise."""
-    frame = owned(session, FrameRow, frame_id, caller)
     application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
     if not isinstance(application, SurfaceApplication):
         raise InputRejected(shared.OPTION_NOT_OF_METHOD, "Frames of this method are measured without a grid.")
@@ -170,10 +163,9 @@ def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, session: 
 
 
 @router.get("/frames/{frame_id}/thumbnail.png", **answers.sends_stored_file("image/png"))
-def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+def get_frame_thumbnail(frame: Own[FrameRow], request: Request, context: UsesContext) -> Response:
     """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
     with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
     tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{WIDEST_PX}"
@@ -215,7 +207,7 @@ class NewCrop(models.Form):
     "/frames/{frame_id}/crops",
     **answers.makes(JobAnswer, "The picture is there already: the job that drew it.", 409) | QUEUES,
 )
-def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> changes.Reply:
+def draw_crop(frame: Own[FrameRow], body: NewCrop, caller: Reader, session: Session) -> changes.Reply:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.
 
     The job's result holds the address of the picture (`picture`, PNG), its place in the frame, the raw values
@@ -223,7 +215,6 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> 
     interpolated. The newest 32 crops of an organisation are kept.
     """
     window = (body.row0_px, body.col0_px, body.height_px, body.width_px)
-    frame = owned(session, FrameRow, frame_id, caller)
     header = require_header(frame)
     if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:
         raise shared.ROI_OUTSIDE_FRAME.refuse(
@@ -236,11 +227,10 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, session: Session) -> 
 
 
 @router.get("/crops/{crop_id}.png", **answers.sends_file("image/png"))
-def get_crop(crop_id: Id, request: Request, caller: Reader, session: Session) -> Response:
+def get_crop(crop: Own[Crop], request: Request) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
-    found = owned(session, Crop, crop_id, caller)
-    return answers.not_modified(request, crop_id) or Response(
-        found.png, headers=answers.immutable_headers(found.id), media_type="image/png"
+    return answers.not_modified(request, crop.id) or Response(
+        crop.png, headers=answers.immutable_headers(crop.id), media_type="image/png"
     )
 
 
@@ -271,9 +261,8 @@ thumbnails_router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags
 
 @thumbnails_router.get("/thumbnails", **answers.sends(ThumbnailsAnswer, 404))
 def list_thumbnails(
-    campaign_id: Id,
+    campaign: Own[Campaign],
     request: Request,
-    caller: Reader,
     context: UsesContext,
     of: Annotated[
         list[_Wanted],
@@ -291,8 +280,7 @@ def list_thumbnails(
     """
     named = dict(each.partition(".")[::2] for each in of)
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(named))
+        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.id.in_(named))
         frames = {frame.id: frame for frame in session.scalars(chosen) if frame.preview_sha256}
         regions = region_ids(session, campaign, frames.values())
         rois = queries.by_id(session, Roi, {region for region in regions.values() if region})

@@ -18,7 +18,7 @@ from service.campaigns.schemas import NewRoi, RoiAnswer, Role
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
 from service.http import answers, auth, changes, operations, problems, tables
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Id, Locked, Own
 from service.http.models import Answer, Form, maybe, told
 from service.http.paging import Page, UsesPaging
 from service.measurements.requests import read_region, read_roi
@@ -82,9 +82,8 @@ async def upload_frame(
 
 @router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer])
 def list_frames(
-    campaign_id: Id,
+    campaign: Own[Campaign],
     paging: UsesPaging,
-    caller: auth.Reader,
     context: UsesContext,
     session: Session,
     *,
@@ -92,9 +91,8 @@ def list_frames(
     withdrawn: Annotated[bool, Query(description="The withdrawn frames instead.")] = False,
 ) -> Response:
     """A campaign's frames, oldest first, without those that were withdrawn."""
-    rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
+    rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id)
     rows = rows.where(FrameRow.withdrawn_at.is_not(None) if withdrawn else FrameRow.withdrawn_at.is_(None))
-    owned(session, Campaign, campaign_id, caller)
     return paging.send(
         session,
         rows,
@@ -107,17 +105,17 @@ def list_frames(
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer)
-def get_frame(frame_id: Id, caller: auth.Reader, context: UsesContext, session: Session) -> Response:
+def get_frame(frame: Own[FrameRow], context: UsesContext, session: Session) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
-    frame = owned(session, FrameRow, frame_id, caller)
     return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=answers.problems(409))
-def change_frame(frame_id: Id, body: FrameChange, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def change_frame(
+    frame: Locked[FrameRow], body: FrameChange, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Correct what was said of a frame; it is then read again."""
-    # what two who come at once supply is kept together
-    frame = owned(session, FrameRow, frame_id, caller, for_update=True)
+    # locked: what two who come at once supply is kept together
     return _reply(session, frame, apply_change(session, frame, body, caller))
 
 
@@ -144,34 +142,28 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: a
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
-def set_frame_roi(frame_id: Id, body: NewRoi, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def set_frame_roi(
+    frame: Own[FrameRow], body: NewRoi, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Set a region for one frame, where the camera has moved."""
     drawing = read_roi(body)
-
-    def change(session: Session) -> changes.Reply:
-        frame = owned(session, FrameRow, frame_id, caller)
-        if header := frame.header:
-            bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
-        roi = find_or_add_roi(session, caller.organisation_id, drawing)
-        return _reply(session, frame, _read_again(session, frame, caller, {"roi_id": roi.id}))
-
-    return writing.run(caller, change)
+    if header := frame.header:
+        bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
+    roi = find_or_add_roi(session, caller.organisation_id, drawing)
+    return _reply(session, frame, _read_again(session, frame, caller, {"roi_id": roi.id}))
 
 
 @router.get("/frames/{frame_id}/roi", response_model=RoiAnswer)
-def get_frame_roi(frame_id: Id, caller: auth.Reader, session: Session) -> Response:
+def get_frame_roi(frame: Own[FrameRow], session: Session) -> Response:
     """The region that holds for a frame: its own, drawn or found, else its campaign's."""
-    frame = owned(session, FrameRow, frame_id, caller)
     if (roi := current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))) is None:
         raise problems.Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
     return RoiAnswer.of(roi).respond()
 
 
 @router.get("/frames/{frame_id}/content", **answers.sends_stored_file("application/octet-stream"))
-def get_frame_content(frame_id: Id, request: Request, caller: auth.Reader, context: UsesContext) -> Response:
+def get_frame_content(frame: Own[FrameRow], request: Request, context: UsesContext) -> Response:
     """The very bytes that were uploaded."""
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
     headers = {
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}",
         "X-Content-Type-Options": "nosniff",
@@ -180,10 +172,8 @@ def get_frame_content(frame_id: Id, request: Request, caller: auth.Reader, conte
 
 
 @router.get("/frames/{frame_id}/preview.png", **answers.sends_stored_file("image/png"))
-def get_frame_preview(frame_id: Id, request: Request, caller: auth.Reader, context: UsesContext) -> Response:
+def get_frame_preview(frame: Own[FrameRow], request: Request, context: UsesContext) -> Response:
     """A picture to draw the region on; its width against `width_px` is the scale."""
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
     return answers.send_blob(request, context.files, require_preview(frame), "image/png", {})
 
 
@@ -311,14 +301,13 @@ motion_router = operations.Router(prefix="/v1", tags=["tools"])
     responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
 def get_campaign_motion(
-    campaign_id: Id, optics: Annotated[CampaignOptics, Query()], caller: auth.Reader, session: Session
+    campaign: Own[Campaign], optics: Annotated[CampaignOptics, Query()], session: Session
 ) -> Response:
     """The blur of every frame of a campaign, a row each, from its own attitudes and a speed that is stated.
 
     A frame without attitudes stands there with the reason. The camera is taken as fixed to the aircraft,
     looking down. Without vibration.
     """
-    campaign = owned(session, Campaign, campaign_id, caller)
     pitch_um = _find_pitch(session, campaign, optics)
     frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
     if optics.role is not None:

@@ -5,7 +5,7 @@ The commit happens here, before the answer exists: never in a dependency, which 
 
 import hashlib
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import field
 from functools import wraps
 from typing import Annotated, Any, TypeVar
@@ -14,15 +14,17 @@ from fastapi import Depends, Header, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from radiometry.records import Record
-from service.http import auth, models, problems
+from service.http import auth, lookup, models, problems
 from service.http.context import Context, UsesContext
 from store import log_fields, tables
 from store.queries.usage import charge
 
 _ATTEMPTS = 3
+_BY_NAME = inspect.Parameter.KEYWORD_ONLY
 REPLAYED = "Idempotent-Replayed"
 
 Item = TypeVar("Item")
@@ -162,29 +164,59 @@ StreamWrites = Annotated[Writing, Depends(stream_writing)]
 
 
 def with_session(endpoint: Callable[..., Any]) -> Callable[..., Any]:
-    """Hand a route the `session` it takes: one that reads, or of one that returns a `Reply`, its change's."""
+    """Hand a route its `session` and rows (`lookup.Own`): those of its change, where it returns a `Reply`."""
     stated = inspect.signature(endpoint)
-    if "session" not in stated.parameters:
+    kinds = {name: each.annotation for name, each in stated.parameters.items()}
+    own = {name: kind for name, kind in kinds.items() if lookup.is_own(kind)}
+    if not own and "session" not in stated.parameters:
         return endpoint
     changes = stated.return_annotation is Reply
 
+    def take(session: Session, asked: dict[str, Any]) -> dict[str, Any]:
+        rows = {
+            name: lookup.find_own(session, kind, asked[f"{name}_id"], _find_caller(asked))
+            for name, kind in own.items()
+        }
+        held = {"session": session} | asked | rows
+        return {name: each for name, each in held.items() if name in stated.parameters}
+
+    def read(given: Context, asked: dict[str, Any]) -> Any:  # noqa: ANN401  what the route takes, or its answer
+        with given.database.reading() as session:
+            taken = take(session, asked)
+            return endpoint(**taken) if "session" in taken else taken
+
     @wraps(endpoint)
     def route(given: Any, **asked: Any) -> Response:  # noqa: ANN401  as the route asks for it
-        def act(session: Session) -> Any:  # noqa: ANN401
-            return endpoint(session=session, **asked)
-
         if changes:
-            return given.run(asked["caller"], act)  # type: ignore[no-any-return]
-        with given.database.reading() as session:
-            return act(session)  # type: ignore[no-any-return]
+            return given.run(_find_caller(asked), lambda session: endpoint(**take(session, asked)))  # type: ignore[no-any-return]
+        found = read(given, asked)
+        return endpoint(**found) if isinstance(found, dict) else found  # type: ignore[no-any-return]
 
-    given = inspect.Parameter(
-        "given", inspect.Parameter.KEYWORD_ONLY, annotation=Writes if changes else UsesContext
-    )
-    others = [
-        each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    @wraps(endpoint)
+    async def route_in_loop(given: Any, **asked: Any) -> Response:  # noqa: ANN401
+        return await endpoint(**await run_in_threadpool(read, given, asked))  # type: ignore[no-any-return]
+
+    chosen: Any = route_in_loop if inspect.iscoroutinefunction(endpoint) else route
+    chosen.__signature__ = _restate(stated, own.keys(), Writes if changes else UsesContext)
+    return chosen  # type: ignore[no-any-return]
+
+
+def _find_caller(asked: dict[str, Any]) -> auth.Caller:
+    """Return who asks, as a route states it: for itself, for its rows alone, or with its page."""
+    found = [each for each in asked.values() if isinstance(each, auth.Caller)]
+    return found[0] if found else asked["page"].caller
+
+
+def _restate(stated: inspect.Signature, own: Collection[str], given: Any) -> inspect.Signature:  # noqa: ANN401  a type
+    """Return what the framework is to ask for: ids in place of rows, and what the session is taken from."""
+    asked = [
+        each.replace(name=f"{name}_id", annotation=lookup.Id) if name in own else each
         for name, each in stated.parameters.items()
         if name != "session"
     ]
-    route.__signature__ = stated.replace(parameters=[*others, given], return_annotation=Response)  # type: ignore[attr-defined]
-    return route
+    if own and not stated.parameters.keys() & {"caller", "_caller", "page"}:
+        asked.append(inspect.Parameter("caller", _BY_NAME, annotation=auth.Reader))
+    asked.append(inspect.Parameter("given", _BY_NAME, annotation=given))
+    return stated.replace(
+        parameters=[each.replace(kind=_BY_NAME) for each in asked], return_annotation=Response
+    )

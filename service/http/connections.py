@@ -59,6 +59,12 @@ def absolute(request: Request, path_and_query: str) -> str:
     return f"{base}{path_and_query}"
 
 
+def address_with(request: Request, **parameters: Any) -> str:  # noqa: ANN401  as their query takes them
+    """Return the address of a request with these parameters in the place of its own."""
+    following = request.url.include_query_params(**parameters)
+    return absolute(request, f"{following.path}?{following.query}")
+
+
 @lru_cache(maxsize=1024)
 def _is_local(name: str) -> bool | None:
     """Return whether an address leads only into this machine's network; None for what is no address."""

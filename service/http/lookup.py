@@ -1,6 +1,7 @@
 """Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import Path
@@ -13,6 +14,17 @@ from store.tables import Base, Campaign, FrameRow, Reading
 Row = TypeVar("Row", bound=Base)
 
 Id = Annotated[str, Path(description="An opaque id, as another answer gave it.", examples=["abc_1"])]
+
+
+@dataclass(frozen=True)
+class Owned:
+    """Marks a row of the caller's that a route takes: `frame` is that of `frame_id` in its address."""
+
+    for_update: bool = False
+
+
+Own = Annotated[Row, Owned()]
+Locked = Annotated[Row, Owned(for_update=True)]
 
 _WORDS: Final = {"api_key": "key", "purge": "recall", "web_session": "session"}
 """What answers call a row where that is not the name of its table."""
@@ -31,6 +43,16 @@ def owned(
     row = _find(session, table, row_id, caller, with_for_update=for_update or None, options=options)
     if row is None:
         raise problems.not_found(_name(table))
+    return row
+
+
+def is_own(annotation: Any) -> bool:  # noqa: ANN401  of a parameter
+    return any(isinstance(each, Owned) for each in getattr(annotation, "__metadata__", ()))
+
+
+def find_own(session: Session, stated: Any, row_id: str, caller: auth.Caller) -> Base:  # noqa: ANN401  an `Own`
+    (how,) = stated.__metadata__
+    row: Base = owned(session, stated.__origin__, row_id, caller, for_update=how.for_update)
     return row
 
 

@@ -8,12 +8,12 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
-from sqlalchemy import ColumnElement, Select, inspect, select
+from pydantic import Field
+from sqlalchemy import Select, inspect
 from sqlalchemy.orm import Session
 
+from radiometry.records import Record
 from service.http import auth, connections, models, problems
-from service.http.context import Context
 from store.ready.series import is_text
 
 AnswerType = TypeVar("AnswerType", bound=models.Answer)
@@ -51,13 +51,6 @@ def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the nu
     return read_cursor(cursor, is_place)[1]
 
 
-class Listing(BaseModel):
-    """Which page of a list; a field that a list adds leaves only the rows with exactly this value."""
-
-    limit: Limit = 100
-    cursor: Cursor = None
-
-
 class Page(models.Answer, Generic[AnswerType]):
     """One page of a list; `next` is the address of the page after it, or null at the end."""
 
@@ -65,13 +58,25 @@ class Page(models.Answer, Generic[AnswerType]):
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
 
-class Paging:
-    """The page that a request asks for."""
+class Paging(Record):
+    """The page that a request asks for; a field that a list adds leaves the rows with exactly this value."""
 
-    def __init__(self, request: Request, limit: int = 100, cursor: str | None = None) -> None:
-        self._request = request
-        self._limit = limit
-        self._cursor = cursor
+    request: Request
+    limit: Limit = 100
+    cursor: Cursor = None
+
+    def send_own(
+        self,
+        session: Session,
+        caller: auth.Caller,
+        rows: Select[Any],
+        shape: Callable[[Any], models.Answer],
+    ) -> JSONResponse:
+        """The organisation's rows that have the values asked for, oldest first."""
+        columns = rows.column_descriptions[0]["entity"].__table__.columns
+        asked = {name: value for name, value in vars(self).items() if name in columns and value is not None}
+        own = rows.filter_by(organisation_id=caller.organisation_id, **asked)
+        return self.send(session, own, lambda found: [shape(row) for row in found])
 
     def send(
         self,
@@ -84,42 +89,17 @@ class Paging:
         """The rows after the cursor in the order of their key, and where the next ones are."""
         table = rows.column_descriptions[0]["entity"]
         (key,) = inspect(table).primary_key
-        by, limit = getattr(table, key.key), self._limit
-        if self._cursor is not None:
-            after = read_key(self._cursor, table.__tablename__)
+        by, limit = getattr(table, key.key), self.limit
+        if self.cursor is not None:
+            after = read_key(self.cursor, table.__tablename__)
             rows = rows.where(by < after if newest_first else by > after)
         found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
         more = len(found) > limit
         address = None
         if more:
             cursor = write_cursor([table.__tablename__, getattr(found[limit - 1], by.key)])
-            following = self._request.url.include_query_params(cursor=cursor)
-            address = connections.absolute(self._request, f"{following.path}?{following.query}")
+            address = connections.address_with(self.request, cursor=cursor)
         return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
 
 
-async def _read_paging(request: Request, limit: Limit = 100, cursor: Cursor = None) -> Paging:
-    return Paging(request, limit, cursor)
-
-
-UsesPaging = Annotated[Paging, Depends(_read_paging)]
-
-
-def page_own(
-    request: Request,
-    context: Context,
-    caller: auth.Caller,
-    table: Any,  # noqa: ANN401  a mapped class with an organisation
-    listing: Listing,
-    shape: Callable[[Any], models.Answer],
-    *,
-    where: ColumnElement[bool] | None = None,
-) -> JSONResponse:
-    """Return a page of the organisation's rows that have the values asked for, oldest first."""
-    asked = listing.model_dump(exclude={"limit", "cursor"}, exclude_none=True)
-    rows = select(table).where(table.organisation_id == caller.organisation_id).filter_by(**asked)
-    rows = rows if where is None else rows.where(where)
-    with context.database.reading() as session:
-        return Paging(request, listing.limit, listing.cursor).send(
-            session, rows, lambda found: [shape(row) for row in found]
-        )
+UsesPaging = Annotated[Paging, Depends()]

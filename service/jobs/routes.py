@@ -237,9 +237,8 @@ def dismiss_jobs(body: DismissedJobs, caller: auth.Reader, session: Session) -> 
 
 
 @router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=answers.problems(409))
-def retry_job(job_id: lookup.Id, caller: auth.Reader, session: Session) -> changes.Reply:
+def retry_job(job: lookup.Own[tables.Job], caller: auth.Reader, session: Session) -> changes.Reply:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
-    job = lookup.owned(session, tables.Job, job_id, caller)
     auth.require(caller, _SCOPES[job.kind])
     before = {"state": job.state, "error": job.error}
     if not jobs.retry(session, tables.Job.id == job.id):
@@ -291,7 +290,7 @@ LastEventId = Annotated[
 
 @events_router.get("/jobs/{job_id}/events", response_class=Response, responses=_RESPONSES)
 async def follow_job(
-    job_id: lookup.Id, caller: auth.Reader, context: UsesContext, last_event_id: LastEventId = None
+    job: lookup.Own[tables.Job], caller: auth.Reader, context: UsesContext, last_event_id: LastEventId = None
 ) -> Response:
     """Follow a job until it ends: server-sent events `job` with its state, progress and attempt.
 
@@ -299,29 +298,27 @@ async def follow_job(
     comment every 15 s keeps the connection alive. The event `end` states in `code` why the stream ends early:
     the key was revoked, or the service stops. One key may have 20 streams open.
     """
-    return await _follow(context, caller, "job", job_id, last_event_id)
+    return _follow(context, caller, "job", job.id, last_event_id)
 
 
 @events_router.get("/campaigns/{campaign_id}/events", response_class=Response, responses=_RESPONSES)
 async def follow_campaign(
-    campaign_id: lookup.Id, caller: auth.Reader, context: UsesContext, last_event_id: LastEventId = None
+    campaign: lookup.Own[tables.Campaign],
+    caller: auth.Reader,
+    context: UsesContext,
+    last_event_id: LastEventId = None,
 ) -> Response:
     """Follow a campaign: a server-sent event `campaign` with its revision, first as it is, then as it rises.
 
     The revision rises with every change of the campaign, its frames, readings and versions: ask for what you
     show again. Otherwise as for a job; a campaign has no end.
     """
-    return await _follow(context, caller, "campaign", campaign_id, last_event_id)
+    return _follow(context, caller, "campaign", campaign.id, last_event_id)
 
 
-async def _follow(
+def _follow(
     context: Context, caller: auth.Caller, kind: watch.Kind, subject_id: str, seen: str | None
 ) -> Response:
-    def check() -> None:
-        with context.database.reading() as session:
-            lookup.owned(session, tables.Job if kind == "job" else tables.Campaign, subject_id, caller)
-
-    await run_in_threadpool(check)
     context.watch.admit(caller.who)
     events = context.watch.follow(kind, subject_id, caller.who, seen=seen or "")
     return StreamingResponse(

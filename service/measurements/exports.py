@@ -17,9 +17,10 @@ from fastapi.responses import JSONResponse
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography, map_plane
 from service.coefficients import series
-from service.http import answers, connections, lookup, models, operations, tables
-from service.http.auth import Caller, Reader
-from service.http.context import Context, UsesContext
+from service.http import answers, connections, models, operations, tables
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Own
 from service.http.problems import Problem, wrong
 from service.measurements import maps, routes
 from store.blobs import prove_file
@@ -105,13 +106,11 @@ class GeoJson(JSONResponse):
     response_class=GeoJson,
 )
 def get_campaign_measurements_geojson(
-    campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: routes.OfCalibration = None
+    campaign: Own[Campaign], context: UsesContext, calibration_id: routes.OfCalibration = None
 ) -> Response:
     """Every measurement of a campaign as a feature where its frame was taken, by that time."""
-    with context.database.reading() as session:
-        lookup.owned(session, Campaign, campaign_id, caller)
     asked = Asked(
-        organisation_id=caller.organisation_id, campaign_id=campaign_id, calibration_id=calibration_id
+        organisation_id=campaign.organisation_id, campaign_id=campaign.id, calibration_id=calibration_id
     )
     pages = MeasurementSeries(context.database, asked).read(after=None, until=None)
     features = [_make_feature(row) for page in pages for row in csv.reader(page)]
@@ -140,9 +139,9 @@ def get_measurement_series(
     response_class=Response,
     responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
-def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context: UsesContext) -> Response:
+def get_measurement_cells_csv(measurement: Own[Measurement]) -> Response:
     """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
-    cells = list(list_cells(_require_grid(context, measurement_id, caller)))
+    cells = list(list_cells(_require_grid(measurement)))
     return Response(tables.write_csv(cells), media_type=series.MEDIA_TYPES["csv"])
 
 
@@ -150,15 +149,13 @@ def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context
     "/measurements/{measurement_id}/cells.geojson", response_model=series.CellsAnswer, response_class=GeoJson
 )
 def get_measurement_cells_geojson(
-    measurement_id: lookup.Id,
-    caller: Reader,
-    context: UsesContext,
+    measurement: Own[Measurement],
     coordinates: Annotated[
         Coordinates | None, Query(description="Left out: `road_m` of lanes, else `pixel`.")
     ] = None,
 ) -> Response:
     """The cells of a measurement's grid as polygons, whose coordinates `coordinates_in` names: not WGS 84."""
-    row = _require_grid(context, measurement_id, caller)
+    row = _require_grid(measurement)
     chosen = coordinates or ("road_m" if row.parameters.get("lanes") else "pixel")
     if chosen == "road_m" and not row.parameters.get("lanes"):
         raise Problem(interface.NOT_FOUND, "This grid has no lanes: its cells have pixel coordinates only.")
@@ -174,9 +171,7 @@ def get_measurement_cells_geojson(
     return GeoJson({"type": "FeatureCollection", "coordinates_in": chosen, "features": features})
 
 
-def _require_grid(context: Context, measurement_id: str, caller: Caller) -> Measurement:
-    with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
+def _require_grid(row: Measurement) -> Measurement:
     if not row.parameters.get("grid") or not row.result.get("surface"):
         raise Problem(interface.NOT_FOUND, "This measurement has no cells: measure the frame with a `grid`.")
     return row
@@ -303,9 +298,8 @@ def _format(at: datetime) -> str:
 
 @router.get("/measurements/{measurement_id}/map.json", **answers.sends(maps.MapValuesAnswer, 500))
 def get_measurement_map_values(
-    measurement_id: lookup.Id,
+    measurement: Own[Measurement],
     request: Request,
-    caller: Reader,
     context: UsesContext,
     asked: Annotated[maps.MapWindow, Query()],
 ) -> Response:
@@ -313,7 +307,7 @@ def get_measurement_map_values(
 
     With `layer` their relative expanded uncertainty in place of the values.
     """
-    with maps.open_map(context, measurement_id, caller) as found:
+    with maps.open_map(context, measurement) as found:
         tag = found.tag(asked.tag)
         if (unchanged := answers.not_modified(request, tag)) is not None:
             return unchanged
@@ -339,28 +333,24 @@ def get_measurement_map_values(
 @router.get(
     "/measurements/{measurement_id}/stac.json", response_class=GeoJson, **answers.sends(maps.StacItem, 500)
 )
-def get_measurement_stac(
-    measurement_id: lookup.Id, request: Request, caller: Reader, context: UsesContext
-) -> Response:
+def get_measurement_stac(measurement: Own[Measurement], request: Request, context: UsesContext) -> Response:
     """Return the map as a STAC item, with the extensions eo, processing, projection and raster.
 
     Its geometry is null where the map is not placed. A local time without a zone becomes the interval that
     it lies in.
     """
-    with context.database.reading() as session:
-        row = lookup.owned(session, Measurement, measurement_id, caller)
-    sha256 = maps.require_map(row.map_tif_sha256)
+    sha256 = maps.require_map(measurement.map_tif_sha256)
     base = connections.absolute(request, "")
-    tag = hashlib.sha256(f"{sha256}-{row.id}-{base}".encode()).hexdigest()
+    tag = hashlib.sha256(f"{sha256}-{measurement.id}-{base}".encode()).hexdigest()
     if (unchanged := answers.not_modified(request, tag)) is not None:
         return unchanged
     with context.files.local(sha256) as file:
         prove_file(file)
         found = describe_map(file.path)
     with context.database.reading() as session:
-        frame = session.get_one(FrameRow, row.frame_id)
-        calibration = session.get_one(Calibration, row.calibration_id)
-        item = make_item(row, frame, calibration, found, base=base)
+        frame = session.get_one(FrameRow, measurement.frame_id)
+        calibration = session.get_one(Calibration, measurement.calibration_id)
+        item = make_item(measurement, frame, calibration, found, base=base)
     return GeoJson(item, headers=answers.immutable_headers(tag))
 
 

@@ -10,12 +10,13 @@ from pydantic import AfterValidator
 
 from radiometry import maps as science
 from radiometry.findings import interface
-from service.http import auth, lookup, models, operations
+from service.http import lookup, models, operations
 from service.http.answers import immutable_headers, not_modified, sends
 from service.http.context import UsesContext
 from service.http.problems import Problem, wrong
 from service.measurements import maps
 from service.measurements.exports import GeoJson
+from store.tables import Measurement
 
 Coordinates = Literal["pixel", "road_m", "wgs84"]
 
@@ -233,9 +234,8 @@ router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["me
 
 @router.get("/isolines.geojson", response_class=GeoJson, **sends(IsolinesAnswer, 404, 500))
 def get_measurement_isolines(
-    measurement_id: lookup.Id,
+    measurement: lookup.Own[Measurement],
     request: Request,
-    caller: auth.Reader,
     context: UsesContext,
     asked: Annotated[LevelsOfMap, Query()],
 ) -> Response:
@@ -243,7 +243,7 @@ def get_measurement_isolines(
 
     Rings around a single square are left out and counted. No line crosses a square with a saturated pixel.
     """
-    with maps.open_map(context, measurement_id, caller) as found:
+    with maps.open_map(context, measurement) as found:
         tag = found.tag(f"{request.url.path}?{request.url.query}")
         unchanged = not_modified(request, tag)
         return unchanged or GeoJson(answer_isolines(found, asked).dump(), headers=immutable_headers(tag))

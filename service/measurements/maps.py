@@ -20,7 +20,7 @@ from radiometry.fitting.comparison import SUBTRACTED
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import PictureApplication, SurfaceApplication
-from service.http import auth, lookup, models
+from service.http import models
 from service.http.context import Context
 from service.http.problems import Problem
 from store import blobs, codec, tables
@@ -312,14 +312,13 @@ def require_map(sha256: str | None) -> str:
 
 
 @contextmanager
-def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iterator[OpenMap]:
+def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
     """Open the map of a measurement; refuse one that was made without, and a picture."""
+    sha256 = require_map(row.map_tif_sha256)
+    if isinstance(methods.get_method(row.method).application, PictureApplication):
+        detail = "An undistorted image is not a map of values: use its map.tif."
+        raise Problem(interface.NOT_FOUND, detail)
     with context.database.reading() as session:
-        row = lookup.owned(session, tables.Measurement, measurement_id, caller)
-        sha256 = require_map(row.map_tif_sha256)
-        if isinstance(methods.get_method(row.method).application, PictureApplication):
-            detail = "An undistorted image is not a map of values: use its map.tif."
-            raise Problem(interface.NOT_FOUND, detail)
         frame = session.get_one(tables.FrameRow, row.frame_id)
         calibration = session.get_one(tables.Calibration, row.calibration_id)
     with context.files.local(sha256) as file:

@@ -98,14 +98,13 @@ def start_measurement(
     responses=answers.problems(409),
 )
 def start_campaign_measurements(
-    campaign_id: lookup.Id, body: requests.MeasurementOptions, caller: auth.Uploader, session: Session
+    campaign: lookup.Own[Campaign], body: requests.MeasurementOptions, caller: auth.Uploader, session: Session
 ) -> changes.Reply:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
     Frames that a person left out are not measured. An index is measured once a capture. The calibration may
     come from another campaign of the same camera.
     """
-    campaign = lookup.owned(session, Campaign, campaign_id, caller)
     named, asked, captures = _named(session, body, caller), _read_asked(body), plan.Captures(session)
     started: dict[Job, None] = {}
     refused: list[requests.NotMeasured] = []
@@ -147,15 +146,12 @@ def list_measurements(
 
 
 @router.get("/measurements/{measurement_id}", **answers.sends(schemas.MeasurementAnswer))
-def get_measurement(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, session: Session
-) -> Response:
+def get_measurement(measurement: lookup.Own[Measurement], request: Request, session: Session) -> Response:
     """One measurement, with the calibration that it was made with and what has become of that since."""
-    row = lookup.owned(session, Measurement, measurement_id, caller)
-    answer = answer_measurements(session, [row])[0]
+    answer = answer_measurements(session, [measurement])[0]
     # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
     state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
-    tag = f"{row.content_sha256}-{state}"
+    tag = f"{measurement.content_sha256}-{state}"
     response = answers.not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
     response.headers["Cache-Control"] = "private, no-cache"
     return response
@@ -163,30 +159,31 @@ def get_measurement(
 
 @router.get("/measurements/{measurement_id}/record.json", **answers.sends(MeasurementRecord))
 def get_measurement_record(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, session: Session
+    measurement: lookup.Own[Measurement], request: Request, session: Session
 ) -> Response:
     """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
 
     It never changes. `stilb export --measurement` downloads it with the frames and the map.
     """
-    row = lookup.owned(session, Measurement, measurement_id, caller)
-    if (unchanged := answers.not_modified(request, tag := f"{row.content_sha256}-record")) is not None:
+    if (
+        unchanged := answers.not_modified(request, tag := f"{measurement.content_sha256}-record")
+    ) is not None:
         return unchanged
-    calibration = session.get_one(Calibration, row.calibration_id)
-    more = [*row.parameters.get("repeats", []), *plan.list_others(row.parameters)]
-    ids = [row.frame_id, *(named["frame_id"] for named in more)]
+    calibration = session.get_one(Calibration, measurement.calibration_id)
+    more = [*measurement.parameters.get("repeats", []), *plan.list_others(measurement.parameters)]
+    ids = [measurement.frame_id, *(named["frame_id"] for named in more)]
     return MeasurementRecord.restate(
-        row,
+        measurement,
         schema_version=RECORD_SCHEMA,
         frames=[MeasuredFrame.restate(session.get_one(FrameRow, frame_id)) for frame_id in ids],
         calibration=MeasuredWith.restate(calibration),
-        map_sha256=row.map_tif_sha256,
+        map_sha256=measurement.map_tif_sha256,
     ).respond(answers.immutable_headers(tag))
 
 
 @router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
 def get_measurement_map(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+    measurement: lookup.Own[Measurement], request: Request, context: UsesContext
 ) -> Response:
     """Return the map of all pixels, float32, with the frame's metadata; NaN where the value is not known.
 
@@ -194,18 +191,18 @@ def get_measurement_map(
     the product `bands`: several planes on the same pixels, named in GDAL's metadata. Of a geometry campaign's
     frame: its undistorted picture, uint16.
     """
-    return _send_map(request, context, _owned(context, measurement_id, caller), "tif")
+    return _send_map(request, context, measurement, "tif")
 
 
 @router.get("/measurements/{measurement_id}/map.png", **answers.sends_stored_file("image/png"))
 def get_measurement_picture(
-    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+    measurement: lookup.Own[Measurement], request: Request, context: UsesContext
 ) -> Response:
     """The map in false colours with its bar: of luminance on a logarithmic scale, else on an even one.
 
     Of a geometry campaign's frame: its undistorted picture, to look at.
     """
-    return _send_map(request, context, _owned(context, measurement_id, caller), "png")
+    return _send_map(request, context, measurement, "png")
 
 
 def _read_asked(body: requests.MeasurementOptions) -> plan.Asked:
@@ -255,11 +252,6 @@ def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
         detail = "This campaign has no field frame: upload frames with role=field first."
         raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)
     return found
-
-
-def _owned(context: Context, measurement_id: str, caller: auth.Caller) -> Measurement:
-    with context.database.reading() as session:
-        return lookup.owned(session, Measurement, measurement_id, caller)
 
 
 def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:

@@ -155,7 +155,7 @@ def list_audit_entries(
 ) -> Response:
     """List who did what in your organisation, from what to what, newest first."""
     chosen = query.model_dump(exclude={"limit", "cursor"})
-    return paging.Paging(request, query.limit, query.cursor).send(
+    return paging.Paging(request=request, limit=query.limit, cursor=query.cursor).send(
         session,
         select_entries(caller.organisation_id, **chosen),
         lambda found: [
@@ -196,14 +196,14 @@ def get_audit_chain(
     state: Literal["intact", "broken", "unfinished"] = (
         "broken" if fault else "intact" if ended else "unfinished"
     )
-    following = request.url.include_query_params(after=head.seq)
+
     return AuditChainAnswer(
         state=state,
         entries=head.entries,
         head=str(head) if state == "intact" else None,
         broken_at=fault.seq if fault else None,
         detail=fault.what if fault else None,
-        next=connections.absolute(request, f"{following.path}?{following.query}") if not ended else None,
+        next=None if ended else connections.address_with(request, after=head.seq),
     ).respond()
 
 
@@ -314,11 +314,9 @@ def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Sess
 
 
 @keys_router.post("/keys", status_code=201, response_model=KeyAnswer)
-def create_api_key(body: NewKey, caller: auth.Admin, writing: changes.Writes) -> Response:
+def create_api_key(body: NewKey, caller: auth.Admin, session: Session) -> changes.Reply:
     """Make a key of your organisation. Its secret is in this answer and nowhere else."""
-    return writing.run(
-        caller, lambda session: changes.Reply(status=201, body=_create(session, caller.organisation_id, body))
-    )
+    return changes.Reply(status=201, body=_create(session, caller.organisation_id, body))
 
 
 @keys_router.get("/keys", response_model=Page[KeyAnswer])
@@ -337,12 +335,13 @@ def get_own_key(caller: auth.Anybody, session: Session) -> Response:
 
 
 @keys_router.patch("/keys/{key_id}", response_model=KeyAnswer)
-def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, session: Session) -> changes.Reply:
+def change_key(
+    key: lookup.Own[ApiKey], body: KeyChange, _caller: auth.Admin, session: Session
+) -> changes.Reply:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
     Whoever publishes with the key signs the certificates that are issued then.
     """
-    key = lookup.owned(session, ApiKey, key_id, caller)
     for name, value in body.model_dump(exclude_unset=True).items():
         setattr(key, name, value or None)
     _require_both(key.person, key.role)
@@ -351,12 +350,11 @@ def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, session: 
 
 
 @keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=answers.problems(409))
-def revoke_key(key_id: lookup.Id, caller: auth.Admin, session: Session) -> changes.Reply:
+def revoke_key(key: lookup.Own[ApiKey], _caller: auth.Admin, session: Session) -> changes.Reply:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
     The last key in force with the scope `admin` cannot be revoked: make another one first.
     """
-    key = lookup.owned(session, ApiKey, key_id, caller)
     if key.revoked_at is None and not has_other_admin(session, key):
         raise problems.Problem(
             interface.CONFLICT, "This is the last key that can manage keys. Make another first."

@@ -261,15 +261,13 @@ router = operations.Router(include_in_schema=False)
 
 
 @router.get("/cameras/{camera_id}")
-def show_camera(camera_id: lookup.Id, page: SignedInPage, session: Session) -> Response:
-    camera = lookup.owned(session, Camera, camera_id, page.caller)
+def show_camera(camera: lookup.Own[Camera], page: SignedInPage) -> Response:
     title = f"{camera.make} {camera.model} {camera.serial}"
     return page.render("camera.html", title=title, camera=camera)
 
 
 @router.get("/cameras/{camera_id}/coefficients")
-def show_coefficients(camera_id: lookup.Id, page: SignedInPage, session: Session) -> Response:
-    camera = lookup.owned(session, Camera, camera_id, page.caller)
+def show_coefficients(camera: lookup.Own[Camera], page: SignedInPage) -> Response:
     return page.render("coefficients.html", title="Coefficients in time", camera=camera)
 
 
@@ -294,17 +292,15 @@ def plot_fleet(
 
 @router.get("/plots/cameras/{camera_id}/drift")
 def plot_drift(
-    camera_id: lookup.Id,
-    caller: auth.Reader,
+    camera: lookup.Own[Camera],
     session: Session,
     view: Annotated[View, Depends()],
     method: models.Method,
     name: models.Text,
 ) -> Response:
-    camera = lookup.owned(session, Camera, camera_id, caller)
     found = fleet.list_determinations(session, [camera], method, {})
     numbers = session.execute(
-        select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
+        select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera.id)
     )
     versions = {row[0]: row[1] for row in numbers}
     if not (named := [row for row in found if row.key.name == name]):
@@ -331,16 +327,14 @@ class Wanted:
 
 @router.get("/plots/cameras/{camera_id}/{figure}")
 def plot_lifetimes(
-    camera_id: lookup.Id,
+    camera: lookup.Own[Camera],
     figure: Literal["values", "lives"],
-    caller: auth.Reader,
     session: Session,
     view: Annotated[View, Depends()],
     wanted: Annotated[Wanted, Depends()],
 ) -> Response:
     known_at = wanted.known_at or utc_now()
-    lookup.owned(session, Camera, camera_id, caller)
-    found = calibrations.list_lifetimes(session, camera_id, wanted.method, known_at)
+    found = calibrations.list_lifetimes(session, camera.id, wanted.method, known_at)
     until = max(known_at, wanted.at or known_at)
     if figure == "lives":
         return send_svg(draw_figure(build_lives(found, until=until), "Life of each version", view=view))

@@ -15,7 +15,7 @@ from radiometry.frame.multispectral import NAMED_INDICES
 from service.equipment.routes import Versions
 from service.http import auth, counts, models, operations, problems, signatures
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
+from service.http.lookup import Own, owned
 from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage, render
 from service.roads import routes as roads
@@ -56,8 +56,7 @@ for _address, _plain in _PLAIN.items():
 
 
 @router.get("/campaigns/{campaign_id}")
-def show_campaign(campaign_id: Id, page: SignedInPage, session: Session) -> Response:
-    campaign = owned(session, tables.Campaign, campaign_id, page.caller)
+def show_campaign(campaign: Own[tables.Campaign], page: SignedInPage, session: Session) -> Response:
     camera = session.get_one(tables.Camera, campaign.camera_id)
     spec = methods.get_method(campaign.method)
     return page.render(
@@ -71,8 +70,7 @@ def show_campaign(campaign_id: Id, page: SignedInPage, session: Session) -> Resp
 
 
 @router.get("/calibrations/{calibration_id}")
-def show_calibration(calibration_id: Id, page: SignedInPage, session: Session) -> Response:
-    calibration = owned(session, tables.Calibration, calibration_id, page.caller)
+def show_calibration(calibration: Own[tables.Calibration], page: SignedInPage, session: Session) -> Response:
     camera = session.get_one(tables.Camera, calibration.camera_id)
     campaign = session.get_one(tables.Campaign, calibration.campaign_id)
     spec = methods.get_method(calibration.method)
@@ -88,10 +86,9 @@ def show_calibration(calibration_id: Id, page: SignedInPage, session: Session) -
 
 @router.get("/plots/calibrations/{calibration_id}/{name}")
 def show_plot(
-    calibration_id: Id, name: str, caller: auth.Reader, session: Session, view: Annotated[View, Depends()]
+    calibration: Own[tables.Calibration], name: str, session: Session, view: Annotated[View, Depends()]
 ) -> Response:
     """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
-    calibration = owned(session, tables.Calibration, calibration_id, caller)
     campaign = session.get_one(tables.Campaign, calibration.campaign_id)
     plot = next((each for each in methods.get_method(calibration.method).plots if each.name == name), None)
     if plot is None:
@@ -119,8 +116,7 @@ def show_comparison(page: SignedInPage, session: Session, old: models.Text, new:
 
 
 @router.get("/measurements/{measurement_id}")
-def show_measurement(measurement_id: Id, page: SignedInPage, session: Session) -> Response:
-    measurement = owned(session, tables.Measurement, measurement_id, page.caller)
+def show_measurement(measurement: Own[tables.Measurement], page: SignedInPage, session: Session) -> Response:
     frame = session.get_one(tables.FrameRow, measurement.frame_id)
     calibration = session.get_one(tables.Calibration, measurement.calibration_id)
     return page.render(
@@ -129,8 +125,7 @@ def show_measurement(measurement_id: Id, page: SignedInPage, session: Session) -
 
 
 @router.get("/rigs/{rig_id}")
-def show_rig(rig_id: Id, page: SignedInPage, session: Session, chosen: Versions) -> Response:
-    rig = owned(session, tables.Rig, rig_id, page.caller)
+def show_rig(rig: Own[tables.Rig], page: SignedInPage, session: Session, chosen: Versions) -> Response:
     cameras = fleet.list_cameras(session, rig)
     given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
     return page.render(
@@ -139,8 +134,7 @@ def show_rig(rig_id: Id, page: SignedInPage, session: Session, chosen: Versions)
 
 
 @router.get("/roads/{road_id}")
-def show_road(road_id: Id, page: SignedInPage, session: Session) -> Response:
-    road = owned(session, tables.Road, road_id, page.caller)
+def show_road(road: Own[tables.Road], page: SignedInPage) -> Response:
     return page.render("road.html", title=road.name, road=road)
 
 

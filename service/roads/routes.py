@@ -13,7 +13,6 @@ from radiometry.findings import interface
 from radiometry.road import geojson, rules, site
 from radiometry.road.grid import lay_points
 from radiometry.road.plan import plan_points
-from radiometry.road.results import Plan
 from service.frames.routes import require_header
 from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.context import Context, UsesContext
@@ -75,70 +74,52 @@ def list_road_rules(_: auth.Reader) -> Response:
 
 
 @router.post("", status_code=201, response_model=schemas.RoadAnswer, responses=answers.problems(404))
-def create_road(body: schemas.NewRoad, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+def create_road(body: schemas.NewRoad, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a road on one night: its site, what is required of it, and the frames that show it."""
-
-    def change(session: Session) -> changes.Reply:
-        row = Road(organisation_id=caller.organisation_id, created_by=caller.key_id, conditions={}, frames=[])
-        return changes.Reply(status=201, body=_write(session, row, body, caller))
-
-    return writing.run(caller, change)
+    row = Road(organisation_id=caller.organisation_id, created_by=caller.key_id, conditions={}, frames=[])
+    return changes.Reply(status=201, body=_write(session, row, body, caller))
 
 
 @router.get("", response_model=Page[schemas.RoadAnswer])
-def list_roads(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
+def list_roads(paging: UsesPaging, caller: auth.Reader, session: Session) -> Response:
     """The roads of your organisation, newest first."""
     rows = select(Road).where(Road.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return paging.send(
-            session, rows, lambda found: [answer_road(session, row) for row in found], newest_first=True
-        )
+    return paging.send(
+        session, rows, lambda found: [answer_road(session, row) for row in found], newest_first=True
+    )
 
 
 @router.get("/{road_id}", response_model=schemas.RoadAnswer)
-def get_road(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_road(road: lookup.Own[Road], session: Session) -> Response:
     """One road as it is stated, with its grid, its control points and its evaluations."""
-    with context.database.reading() as session:
-        return answer_road(session, lookup.owned(session, Road, road_id, caller)).respond()
+    return answer_road(session, road).respond()
 
 
 @router.patch("/{road_id}", response_model=schemas.RoadAnswer)
 def change_road(
-    road_id: lookup.Id, body: schemas.RoadChange, caller: auth.Calibrator, writing: changes.Writes
-) -> Response:
+    road: lookup.Locked[Road], body: schemas.RoadChange, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Correct a road. Evaluations that exist stay as they are."""
-    return _change(road_id, body, caller, writing)
-
-
-def _change(
-    road_id: str, body: schemas.RoadChange, caller: auth.Caller, writing: changes.Writing
-) -> Response:
-    def change(session: Session) -> changes.Reply:
-        row = lookup.owned(session, Road, road_id, caller, for_update=True)
-        return changes.Reply(status=200, body=_write(session, row, body, caller))
-
-    return writing.run(caller, change)
+    return changes.Reply(status=200, body=_write(session, road, body, caller))
 
 
 @router.get("/{road_id}/site.geojson", **answers.sends_file(GeoJson.media_type))
-def get_road_site(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_road_site(road: lookup.Own[Road]) -> Response:
     """The site as GeoJSON: in degrees of WGS 84 if it has an origin, else in metres of the road."""
-    with context.database.reading() as session:
-        row = lookup.owned(session, Road, road_id, caller)
-    return GeoJson(drop_absent(geojson.write_site(decode(site.Site, row.site))))
+    return GeoJson(drop_absent(geojson.write_site(decode(site.Site, road.site))))
 
 
 @router.put("/{road_id}/site.geojson", response_model=schemas.RoadAnswer)
 def put_road_site(
-    road_id: lookup.Id, body: schemas.SiteFeatures, caller: auth.Calibrator, writing: changes.Writes
-) -> Response:
+    road: lookup.Locked[Road], body: schemas.SiteFeatures, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """State the site as GeoJSON, as its GET writes it: x = 0, y = 0 is then the first luminaire."""
     read = drop_absent(encode(geojson.read_site(body.model_dump())))
     try:
         stated = schemas.RoadChange.model_validate({"site": read})
     except ValidationError as error:
         raise invalid(located(error, "body")) from None
-    return _change(road_id, stated, caller, writing)
+    return changes.Reply(status=200, body=_write(session, road, stated, caller))
 
 
 async def _read_points(request: Request) -> list[schemas.RoadPoint]:
@@ -164,11 +145,11 @@ def _name_fields(columns: list[str]) -> list[str]:
     openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 def put_road_points(
-    road_id: lookup.Id,
+    road: lookup.Locked[Road],
     body: Annotated[list[schemas.RoadPoint], Depends(_read_points)],
     caller: auth.Calibrator,
-    writing: changes.Writes,
-) -> Response:
+    session: Session,
+) -> changes.Reply:
     """State all control points of a road, as JSON or as a table with a line each.
 
     A table has `value`, and `value_2` to `value_9` for repeated readings.
@@ -177,40 +158,32 @@ def put_road_points(
     if len(set(names)) < len(names):
         raise wrong("body", "names a point twice; repeated readings are further values of one point")
 
-    def change(session: Session) -> changes.Reply:
-        row = lookup.owned(session, Road, road_id, caller, for_update=True)
-        for named in {point.meter_id for point in body if point.meter_id}:
-            lookup.owned(session, Meter, named, caller)
-        row.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
-        session.flush()
-        return changes.Reply(status=200, body=schemas.RoadPoints.model_validate({"items": row.points}))
-
-    return writing.run(caller, change)
+    for named in {point.meter_id for point in body if point.meter_id}:
+        lookup.owned(session, Meter, named, caller)
+    road.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
+    session.flush()
+    return changes.Reply(status=200, body=schemas.RoadPoints.model_validate({"items": road.points}))
 
 
 @router.get("/{road_id}/points", response_model=schemas.RoadPoints)
-def get_road_points(road_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+def get_road_points(road: lookup.Own[Road]) -> Response:
     """The control points of a road, as they were entered."""
-    with context.database.reading() as session:
-        row = lookup.owned(session, Road, road_id, caller)
-    return schemas.RoadPoints.model_validate({"items": row.points}).respond()
+    return schemas.RoadPoints.model_validate({"items": road.points}).respond()
 
 
 @router.post("/{road_id}/placement", response_model=schemas.PlacementAnswer, dependencies=stateless)
 def place_road_frame(
-    road_id: lookup.Id, body: schemas.RoadFrame, caller: auth.Reader, context: UsesContext
+    road: lookup.Own[Road], body: schemas.RoadFrame, caller: auth.Reader, session: Session
 ) -> Response:
     """Preview the place of a frame by these marks, or by its own position, without stating them."""
     stated = body.model_dump(mode="json", exclude_none=True)
-    with context.database.reading() as session:
-        row = lookup.owned(session, Road, road_id, caller)
-        frame = lookup.owned(session, FrameRow, body.frame_id, caller)
-        header, over = require_header(frame), decode(site.Site, row.site)
-        named = plan_placement(session, FrameClocks(session), frame, stated, over)
-        geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
+    frame = lookup.owned(session, FrameRow, body.frame_id, caller)
+    header, over = require_header(frame), decode(site.Site, road.site)
+    named = plan_placement(session, FrameClocks(session), frame, stated, over)
+    geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     placed = read_placement(named, geometry, over, **size)
-    grid = lay_points(over, rules.find_rule(row.requirement["rule"]).grid)
+    grid = lay_points(over, rules.find_rule(road.requirement["rule"]).grid)
     return schemas.PlacementAnswer(
         h=placed.h.tolist(),
         matrix=placed.camera.matrix.tolist(),
@@ -220,28 +193,23 @@ def place_road_frame(
 
 
 @router.post("/{road_id}/evaluate", **QUEUES, responses=answers.problems(404, 409))
-def evaluate_road(road_id: lookup.Id, caller: auth.Uploader, writing: changes.Writes) -> Response:
+def evaluate_road(road: lookup.Own[Road], caller: auth.Uploader, session: Session) -> changes.Reply:
     """Evaluate a road as it is stated now. The job's result names the evaluation.
 
     Each frame is measured with the version in force when it was taken, and placed by its marks.
     """
-
-    def change(session: Session) -> changes.Reply:
-        row = lookup.owned(session, Road, road_id, caller)
-        if not row.frames:
-            raise wrong("road", "has no frames: state them with their marks first")
-        job = jobs.enqueue(
-            session,
-            kind="measure",
-            subject_id=row.id,
-            organisation_id=caller.organisation_id,
-            by=caller.key_id,
-            parameters=plan_evaluation(session, row, _state_road(session, row)),
-            lane="measure",
-        )
-        return reply_queued(session, job)
-
-    return writing.run(caller, change)
+    if not road.frames:
+        raise wrong("road", "has no frames: state them with their marks first")
+    job = jobs.enqueue(
+        session,
+        kind="measure",
+        subject_id=road.id,
+        organisation_id=caller.organisation_id,
+        by=caller.key_id,
+        parameters=plan_evaluation(session, road, _state_road(session, road)),
+        lane="measure",
+    )
+    return reply_queued(session, job)
 
 
 @router.get("/{road_id}/results/{number}", **answers.sends(schemas.RoadResultAnswer))
@@ -276,20 +244,16 @@ def get_road_map(row: UsesResult, request: Request, context: UsesContext) -> Res
 
 @router.get("/{road_id}/plan", response_model=schemas.RoadPlanAnswer)
 def plan_road(
-    road_id: lookup.Id,
-    wanted: Annotated[schemas.WantedPlan, Query()],
-    caller: auth.Reader,
-    context: UsesContext,
+    road: lookup.Own[Road], wanted: Annotated[schemas.WantedPlan, Query()], session: Session
 ) -> Response:
     """Plan the control points and exposure times that are expected to reach these uncertainties."""
-    answer: models.Answer = schemas.RoadPlanAnswer.restate(make_plan(context, road_id, wanted, caller))
-    return answer.respond()
+    return answer_plan(session, road, wanted).respond()
 
 
-def make_plan(context: Context, road_id: str, wanted: schemas.WantedPlan, caller: auth.Caller) -> Plan:
-    with context.database.reading() as session:
-        stated = _state_road(session, lookup.owned(session, Road, road_id, caller))
-    return plan_points(stated, **wanted.model_dump())
+def answer_plan(session: Session, road: Road, wanted: schemas.WantedPlan) -> models.Answer:
+    plan = plan_points(_state_road(session, road), **wanted.model_dump())
+    answer: models.Answer = schemas.RoadPlanAnswer.restate(plan)
+    return answer
 
 
 def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:

@@ -312,9 +312,9 @@ def ask_known(
 
 @known_router.post("/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer)
 def ask_known_frames(
-    campaign_id: lookup.Id,
+    campaign: lookup.Own[Campaign],
     body: HashesAsked,
-    caller: Uploader,
+    _caller: Uploader,
     context: UsesContext,
     _idempotency_key: changes.IdempotencyKey = None,
 ) -> Response:
@@ -322,11 +322,7 @@ def ask_known_frames(
 
     Nothing is stored: asked again it answers as things stand then, whatever the `Idempotency-Key`.
     """
-
-    def find(session: Session) -> Iterable[FrameRow]:
-        return find_known(session, lookup.owned(session, Campaign, campaign_id, caller), body.sha256).values()
-
-    return _answer(context, body, find)
+    return _answer(context, body, lambda session: find_known(session, campaign, body.sha256).values())
 
 
 def _answer(context: Context, body: HashesAsked, find: Callable[[Session], Iterable[FrameRow]]) -> Response:
