@@ -13,6 +13,7 @@ from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.drawing.text import natural_key
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import MethodSpec
@@ -117,7 +118,7 @@ def sort_card(
 
 def split_scenes(frames: Iterable[CardFrame]) -> list[list[CardFrame]]:
     """Split frames at long pauses and at changes of the exposure, in the order of their times."""
-    ordered = sorted(frames, key=lambda frame: (frame.taken_s, natural(frame.name)))
+    ordered = sorted(frames, key=lambda frame: (frame.taken_s, natural_key(frame.name)))
     usual = median([after.taken_s - before.taken_s for before, after in pairwise(ordered)] or [0.0])
     scenes = [ordered[:1]] if ordered else []
     for before, after in pairwise(ordered):
@@ -128,11 +129,6 @@ def split_scenes(frames: Iterable[CardFrame]) -> list[list[CardFrame]]:
             scenes.append([])
         scenes[-1].append(after)
     return scenes
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """Return the order of a name: DJI_9 before DJI_10."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
 
 
 def _name_scenes(lit: Sequence[CardFrame], there: Sequence[CardFrame]) -> dict[str, str]:

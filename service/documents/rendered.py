@@ -79,7 +79,7 @@ def render_apart(order: bytes, *, require: bool = False, first: bool = False) ->
     """Render in a process that ends, shut in (fully, with `require`); `first`: at the usual priority."""
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*build_command("service.documents"), *chosen],
+        [*build_command("service.documents.rendering"), *chosen],
         env=build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

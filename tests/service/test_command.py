@@ -85,7 +85,7 @@ def test_processes_start_without_large_libraries():
 
 def test_certificates_are_rendered_without_web_and_database():
     program = (
-        "import sys, service.documents.__main__\n"
+        "import sys, service.documents.rendering\n"
         "sys.exit(' '.join({'fastapi', 'starlette', 'sqlalchemy'} & sys.modules.keys()) or None)"
     )
     done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)

@@ -66,7 +66,7 @@ def test_what_takes_too_much_is_ended(obey, kind, typst, ends):
 
 
 def test_less_than_the_whole_sandbox_will_do_unless_it_is_required(monkeypatch):
-    code = "from service.documents import __main__ as press\n"
+    code = "from service.documents import rendering as press\n"
     code += "press.Restrictions._restrict_files = lambda _: False\n"
     code += "press.render = lambda order: order\n"
     code += "press.os.nice = lambda _: 0\n"

@@ -3,7 +3,7 @@
 import pytest
 
 from radiometry.methods import get_method
-from service.campaigns.proposals import CardFrame, choose_methods, natural, sort_card, split_scenes
+from service.campaigns.proposals import CardFrame, choose_methods, sort_card, split_scenes
 from tests.support.frames import write_frame
 
 pytestmark = pytest.mark.either_database
@@ -77,10 +77,8 @@ def test_scenes_of_a_campaign_go_on():
 
 def test_frames_without_times_are_one_scene_in_the_order_of_their_names():
     names = [f"DJI_{n}.DNG" for n in (10, 9, 1)]
-    assert sorted(names, key=natural) == ["DJI_1.DNG", "DJI_9.DNG", "DJI_10.DNG"]
-    assert [each.name for each in split_scenes(frame(name) for name in names)[0]] == sorted(
-        names, key=natural
-    )
+    (scene,) = split_scenes(frame(name) for name in names)
+    assert [each.name for each in scene] == ["DJI_1.DNG", "DJI_9.DNG", "DJI_10.DNG"]
     assert split_scenes([]) == []
 
 

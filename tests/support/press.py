@@ -4,27 +4,26 @@ import json
 import os
 import sys
 
-from service.documents import __main__ as press
 from service.documents import rendering
-from service.documents import rendering as typesetter
 from tests.worker.decode.probing import probe
 
+render = rendering.render
 COMMAND = [sys.executable, "-s", "-P", "-m", "tests.support.press"]
 ORDERS = {
     "probe": lambda order: json.dumps(probe(order["world"])).encode(),
-    "typst": lambda _: typesetter.typeset({"template": "hostile", "created_at": "2026-01-01T00:00:00Z"}),
+    "typst": lambda _: rendering.typeset({"template": "hostile", "created_at": "2026-01-01T00:00:00Z"}),
     "flood": lambda _: bytes(150 << 20),
 }
 
 
 def obey(order: bytes) -> bytes:
     read = json.loads(order)
-    typesetter._TEMPLATES["hostile"] = read.get("typst", "").encode()
-    return ORDERS[read["kind"]](read) if read["kind"] in ORDERS else rendering.render(order)
+    rendering._TEMPLATES["hostile"] = read.get("typst", "").encode()
+    return ORDERS[read["kind"]](read) if read["kind"] in ORDERS else render(order)
 
 
 if __name__ == "__main__":
     os.nice = lambda _: 0
-    press.render = obey
-    press._CPU_S = 4
-    press.main()
+    rendering.render = obey
+    rendering._CPU_S = 4
+    rendering.main()
