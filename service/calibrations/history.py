@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
+from pydantic import AliasChoices, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -15,30 +16,21 @@ from service.http.models import Answer, Form, Instant, LongText, Method, Quantit
 from service.http.paging import Page, UsesPaging
 from service.roads.schemas import RoadResultSummary
 from store import impact as recalls
-from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
+from store.impact import Condemned, Impact, Touched, assess, find_in_force
 from store.measuring.comparison import Reference
-from store.publications import InForce
 from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
 from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall, Road, RoadResult, utc_now
 
 
 class VersionNamed(Answer):
-    calibration_id: str
+    calibration_id: str = Field(validation_alias=AliasChoices("calibration_id", "id"))
     version: int
-
-    @classmethod
-    def of(cls, row: Calibration) -> "VersionNamed":
-        return cls(calibration_id=row.id, version=row.version)
 
 
 class VersionInForce(VersionNamed):
     valid_from: Instant
     valid_to: Instant | None = None
-
-    @classmethod
-    def held(cls, held: InForce) -> "VersionInForce":
-        return cls.restate(held.publication, held.calibration, calibration_id=held.calibration.id)
 
 
 class TouchedMeasurement(Answer):
@@ -58,10 +50,9 @@ class TouchedMeasurement(Answer):
 
     @classmethod
     def of(cls, row: Touched) -> "TouchedMeasurement":
-        successor = VersionNamed.of(row.successor) if row.successor else None
         change = row.change if row.change and row.change.change else None
         said = {"measurement_id": row.measurement.id, "frame_id": row.frame.id, "why": row.why}
-        return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
+        return cls.restate(change, row.frame.header or {}, row.frame, successor=row.successor, **said)
 
 
 class TouchedRoad(RoadResultSummary):
@@ -102,10 +93,6 @@ class CoefficientChanged(
     new: Quantity
     difference: Quantity | None = maybe("new - old. Absent where the units differ.")
 
-    @classmethod
-    def of(cls, row: CoefficientChange) -> "CoefficientChanged":
-        return cls.restate(row, row.new, row.comparison)
-
 
 class FlagAt(Answer):
     flag: str
@@ -145,8 +132,10 @@ class ImpactAnswer(Answer):
         return cls.restate(
             named,
             impact,
-            against=VersionInForce.held(impact.against),
-            coefficients=[CoefficientChanged.of(each) for each in impact.coefficients],
+            against=VersionInForce.restate(impact.against.publication, impact.against.calibration),
+            coefficients=[
+                CoefficientChanged.restate(each, each.new, each.comparison) for each in impact.coefficients
+            ],
             flags_gained=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_gained],
             flags_lost=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_lost],
             measurements=[TouchedMeasurement.of(each) for each in impact.measurements],
@@ -218,10 +207,6 @@ class DecisionAnswer(Answer, restates=Decision, without="calibration"):
     version: int
     by_name: str | None = None
 
-    @classmethod
-    def of(cls, row: Decision, names: dict[str, str]) -> "DecisionAnswer":
-        return cls.restate(row, row.calibration, by_name=names.get(row.by), calibration_id=row.calibration.id)
-
 
 class DecisionsAnswer(Answer):
     items: list[DecisionAnswer]
@@ -262,7 +247,13 @@ def list_camera_decisions(camera: lookup.Own[Camera], session: Session) -> Respo
     """List who made, published and revoked which version, when and why; newest first, all at once."""
     found = list_decisions(session, camera.id)
     names = name_people(session, camera.organisation_id)
-    return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
+    items = [
+        DecisionAnswer.restate(
+            row, row.calibration, by_name=names.get(row.by), calibration_id=row.calibration.id
+        )
+        for row in found
+    ]
+    return DecisionsAnswer(items=items).respond()
 
 
 @router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer)
