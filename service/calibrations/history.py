@@ -294,8 +294,7 @@ def propose_recall(body: NewPurge, caller: auth.Publisher, session: Session) -> 
 @recalls_router.get("", response_model=Page[PurgeAnswer])
 def list_recalls(paging: UsesPaging, caller: auth.Reader, session: Session) -> Response:
     """List the recalls of your organisation, newest first."""
-    rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
-    return paging.send(session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True)
+    return paging.send_own(session, caller, select(Recall), PurgeAnswer.of, newest_first=True)
 
 
 @recalls_router.get("/{recall_id}", response_model=PurgeAnswer)

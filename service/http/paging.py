@@ -71,12 +71,14 @@ class Paging(Record):
         caller: auth.Caller,
         rows: Select[Any],
         shape: Callable[[Any], models.Answer],
+        *,
+        newest_first: bool = False,
     ) -> JSONResponse:
-        """The organisation's rows that have the values asked for, oldest first."""
+        """The organisation's rows that have the values asked for."""
         columns = rows.column_descriptions[0]["entity"].__table__.columns
         asked = {name: value for name, value in vars(self).items() if name in columns and value is not None}
         own = rows.filter_by(organisation_id=caller.organisation_id, **asked)
-        return self.send(session, own, lambda found: [shape(row) for row in found])
+        return self.send(session, own, lambda found: [*map(shape, found)], newest_first=newest_first)
 
     def send(
         self,

@@ -322,8 +322,7 @@ def create_api_key(body: NewKey, caller: auth.Admin, session: Session) -> change
 @keys_router.get("/keys", response_model=Page[KeyAnswer])
 def list_keys(paging: UsesPaging, caller: auth.Admin, session: Session) -> Response:
     """The keys of your organisation, without their secrets."""
-    rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
-    return paging.send(session, rows, lambda found: [KeyAnswer.restate(row) for row in found])
+    return paging.send_own(session, caller, select(ApiKey), KeyAnswer.restate)
 
 
 @keys_router.get("/keys/own", response_model=OwnKeyAnswer)

@@ -83,9 +83,8 @@ def create_road(body: schemas.NewRoad, caller: auth.Calibrator, session: Session
 @router.get("", response_model=Page[schemas.RoadAnswer])
 def list_roads(paging: UsesPaging, caller: auth.Reader, session: Session) -> Response:
     """The roads of your organisation, newest first."""
-    rows = select(Road).where(Road.organisation_id == caller.organisation_id)
-    return paging.send(
-        session, rows, lambda found: [answer_road(session, row) for row in found], newest_first=True
+    return paging.send_own(
+        session, caller, select(Road), lambda row: answer_road(session, row), newest_first=True
     )
 
 
