@@ -4,7 +4,6 @@ import csv
 import hashlib
 import json
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 from xml.etree import ElementTree as ET
@@ -25,7 +24,7 @@ from service.http.problems import Problem, wrong
 from service.measurements import maps, routes
 from store.blobs import prove_file
 from store.queries.frame_times import Zones, read_frame_time
-from store.ready.rows import COLUMNS, read_row
+from store.ready.rows import COLUMNS, read_row, write_instant
 from store.ready.series import Asked, MeasurementSeries
 from store.tables import Calibration, Campaign, FrameRow, Measurement
 
@@ -241,7 +240,7 @@ def make_item(
         **area,
         "properties": {
             **_describe_time(row, frame),
-            "created": _format(row.created_at),
+            "created": write_instant(row.created_at),
             "processing:lineage": lineage,
             "processing:software": {"stilb": str(row.software["stilb"])},
             **({"stilb:place": place["detail"]} if "detail" in place else {}),
@@ -281,19 +280,12 @@ def _describe_colour(plane: dict[str, str]) -> dict[str, Any]:
 
 def _describe_time(row: Measurement, frame: FrameRow) -> dict[str, Any]:
     """Return when the frame was taken; of a local time without its zone, when that can have been."""
-    if (taken := read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))) is None:
-        return {"datetime": None, "start_datetime": _FIRST_DAY, "end_datetime": _format(frame.created_at)}
-    if taken.is_known:
-        return {"datetime": _format(taken.earliest)}
-    return {
-        "datetime": None,
-        "start_datetime": _format(taken.earliest),
-        "end_datetime": _format(taken.latest),
-    }
-
-
-def _format(at: datetime) -> str:
-    return at.astimezone(UTC).isoformat().replace("+00:00", "Z")
+    taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
+    if taken is not None and taken.is_known:
+        return {"datetime": write_instant(taken.earliest)}
+    start = write_instant(taken.earliest) if taken else _FIRST_DAY
+    end = write_instant(taken.latest if taken else frame.created_at)
+    return {"datetime": None, "start_datetime": start, "end_datetime": end}
 
 
 @router.get("/measurements/{measurement_id}/map.json", **answers.sends(maps.MapValuesAnswer, 500))
