@@ -57,6 +57,8 @@ def main() -> int:
         console.print(f"demo: everything is in {data}, its logs too", highlight=False, soft_wrap=True)
     elif not given:
         shutil.rmtree(data, ignore_errors=True)
+        with suppress(OSError):  # other data may lie there
+            parent.rmdir()
     return code
 
 

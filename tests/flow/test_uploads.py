@@ -99,16 +99,17 @@ def test_a_service_killed_in_the_middle_of_two_uploads(embedded, team, campaign,
 
     with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
         embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
-        # the next service begins with what nobody has written to for a day
-        (left,) = half_written(embedded, before)
-        long_ago = left.stat().st_mtime - 2 * 24 * 3600
-        os.utime(left, (long_ago, long_ago))
         frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
     assert sent == sorted(sent) or min(sent[8:]) > MEGABYTE
     assert frame.sha256 == hash_file(path)
     assert known(embedded, campaign, frame.sha256) == (1, True)
     (job,) = embedded.wait_for_jobs([frame.id])
     assert (job.state, job.error["code"]) == ("failed", "not_a_raw_file")
+    (left,) = half_written(embedded, before)
+    # a worker begins with what nobody has written to for a day
+    long_ago = left.stat().st_mtime - 2 * 24 * 3600
+    os.utime(left, (long_ago, long_ago))
+    embedded.kill("worker")
     embedded.wait_until(lambda: not half_written(embedded, before))
     assert {each.name for each in set(files(embedded.blobs)) - set(before)} == {frame.sha256}
 
