@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle
+from tests.support.browser import Held, check_access, look, settle
 from tests.support.furnishing import SERIALS, furnish
 
 
@@ -88,6 +88,18 @@ def test_what_was_in_force_is_told_as_known_then_and_the_address_holds_it(page, 
     page.goto(kept)
     expect(known).to_have_value(before)
     expect(answer).to_contain_text("version 2 is in force")
+
+
+def test_a_time_typed_before_the_page_has_loaded_is_kept(page, cameras):
+    slow = Held(page, "**/decisions", times=1)
+    page.goto(f"/cameras/{cameras[0]}/coefficients")
+    at, later = page.get_by_label("In force at").first, page.get_by_label("Known at").first
+    at.fill("2024-12-01 12:00")
+    at.press("Enter")
+    later.type("now-1")
+    slow.release().continue_()
+    expect(page.locator("#answer")).to_contain_text("On 2024-12-01 12:00 UTC, as known now")
+    expect(later).to_have_value("now-1")
 
 
 @pytest.mark.parametrize("context", ["phone"], indirect=True)

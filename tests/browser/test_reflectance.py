@@ -66,7 +66,7 @@ def test_a_card_of_a_multispectral_camera_becomes_what_is_in_force_for_its_day(p
     (version,) = team.client.history(team.client.find_camera("PI040378AA6C000181").id)
     page.goto(f"/cameras/{version.camera_id}")
     page.get_by_role("link", name="Coefficients in time").click()
-    page.get_by_role("navigation", name="Method").get_by_role("link", name="Reflectance").click()
+    settle(page)
     page.get_by_role("textbox", name="In force at").fill("2018-04-13 12:00")
     page.keyboard.press("Enter")
     settle(page)

@@ -15,7 +15,7 @@ const said = new URL(location.href).searchParams;
 const state = { method: said.get("method"), at: said.get("at") ?? "now", known_at: said.get("known_at") ?? "now", of: said.get("of") };
 let versions = [];
 
-start();
+offerTimes();
 
 async function start() {
   try {
@@ -24,8 +24,7 @@ async function start() {
     if (!methods.length) return void fill(document.querySelector("#times").parentElement, byId("main").querySelector(".head"), empty("Nothing was published", "Published calibrations of this camera appear here.", h("a", { class: "button", href: `/cameras/${id}` }, "Camera")));
     state.method = methods.some(({ name }) => name === state.method) ? state.method : methods[0].name;
     fill(byId("methods"), methods.map(({ name, label }) => h("a", { href: `?${new URLSearchParams({ method: name, at: state.at, known_at: state.known_at })}`, "aria-current": name === state.method ? "page" : null }, label)));
-    offerTimes();
-    await show();
+    await draw();
   } catch (error) {
     fill(byId("answer"), failed(error, start));
   }
@@ -96,13 +95,13 @@ function choose(changes) {
 }
 
 // one after the other: an answer that was asked for earlier never stands over a later one
-let shown = Promise.resolve();
+let shown = start();
 const show = () => (shown = shown.then(draw));
 
 async function draw() {
   const known = iso("known_at");
   const at = iso("at");
-  for (const name of ["at", "known_at"]) byId(name).value = state[name];
+  for (const field of [byId("at"), byId("known_at")]) if (field !== document.activeElement) field.value = state[field.id]; // what is being typed stays
   drawQuick();
   await load(byId("answer"),
     async () => {
