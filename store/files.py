@@ -16,6 +16,7 @@ from radiometry.findings import interface
 from store import audit, jobs
 from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavailable, StoredBlob, StoredFile
 from store.database import Database
+from store.queries.usage import add_jobs
 from store.tables import Blob, Job, SmallPreview, insert_or_not, utc_now
 
 log = logging.getLogger(__name__)
@@ -152,7 +153,8 @@ def _keep_whole(session: Session, row: Blob, blob: StoredBlob) -> None:
         _change_damage(session, row, None)
         # a job names the file that it lacked in its error
         for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
-        jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == blob.sha256))
+        if retried := jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == blob.sha256)):
+            add_jobs(session, retried)
 
 
 def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:

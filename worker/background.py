@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session, aliased
 from store import blobs, jobs, software
 from store.database import Database
 from store.files import SCRUB_DAYS, Files
-from store.queries import campaigns
+from store.queries import campaigns, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Job, utc_now
 
 _RENEWED_AT_ONCE: Final = 500
@@ -54,6 +54,7 @@ def _queue_renewal(session: Session, frame_id: str) -> None:
     if frame.state == "extracted":
         organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
         campaigns.renew_extraction(session, frame, organisation_id, by="sweeper", lane=campaigns.RENEWAL_LANE)
+        usage.add_jobs(session, 1, organisation_id=organisation_id)
 
 
 def _select_outdated() -> Select[str]:
@@ -129,6 +130,7 @@ class Scrub:
                 campaign = session.get_one(Campaign, frame.campaign_id)
                 if not jobs.is_live(session, frame.id):
                     jobs.enqueue_extraction(session, frame, campaign.organisation_id, by="sweeper")
+                    usage.add_jobs(session, 1, organisation_id=campaign.organisation_id)
 
     def _list_without_preview(self) -> list[str]:
         preview, content = aliased(Blob), aliased(Blob)

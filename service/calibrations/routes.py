@@ -33,7 +33,7 @@ from service.http.problems import Problem, invalid, located
 from service.jobs.routes import QUEUES, reply_queued
 from store import codec, fits, jobs, publications
 from store.measuring.version import choose_falloff
-from store.queries import calibrations, campaigns
+from store.queries import calibrations, campaigns, usage
 from store.queries.evidence import Evidence, gather
 from store.tables import Calibration, Camera, Campaign, Panel, Publication
 
@@ -89,7 +89,8 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequence[str]) -> None:
     with context.database.writing(caller.key_id, caller.organisation_id) as session:
         campaign = session.get_one(Campaign, campaign_id)
-        campaigns.hasten_renewal(session, campaign, outdated, by=caller.key_id)
+        queued = campaigns.hasten_renewal(session, campaign, outdated, by=caller.key_id)
+        usage.add_jobs(session, len(queued), organisation_id=caller.organisation_id)
 
 
 @router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])

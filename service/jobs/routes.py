@@ -18,7 +18,7 @@ from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.jobs import watch
 from store import audit, jobs, tables
-from store.queries import by_id
+from store.queries import by_id, usage
 from store.queries import jobs as queries
 
 
@@ -219,6 +219,7 @@ def retry_jobs(body: RetriedJobs, caller: auth.Reader, session: Session) -> chan
     if retried := jobs.retry(session, chosen):
         asked = body.model_dump(exclude_none=True)
         organisation = session.get_one(tables.Organisation, caller.organisation_id)
+        usage.add_jobs(session, retried, organisation_id=organisation.id)
         audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
     return changes.Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
 

@@ -169,15 +169,16 @@ def renew_extraction(
     return jobs.enqueue_extraction(session, frame, organisation_id, by=by, lane=lane)
 
 
-def hasten_renewal(session: Session, campaign: Campaign, frame_ids: Sequence[str], *, by: str) -> None:
-    """Have the first outdated frames read before those of other campaigns."""
+def hasten_renewal(session: Session, campaign: Campaign, frame_ids: Sequence[str], *, by: str) -> list[Job]:
+    """Have outdated frames read before those of other campaigns; return the jobs of the first of them."""
     some = frame_ids[:_HASTENED]
     waiting = (Job.subject_id.in_(some)) & (Job.state == "queued") & (Job.lane == RENEWAL_LANE)
     session.execute(update(Job).where(waiting).values(lane="extract"))
-    for frame_id in some:
-        if not jobs.is_live(session, frame_id):
-            frame = session.get_one(FrameRow, frame_id)
-            renew_extraction(session, frame, campaign.organisation_id, by=by)
+    return [
+        renew_extraction(session, session.get_one(FrameRow, frame_id), campaign.organisation_id, by=by)
+        for frame_id in some
+        if not jobs.is_live(session, frame_id)
+    ]
 
 
 def add_readings(session: Session, campaign: Campaign, values: Iterable[dict[str, Any]]) -> list[Reading]:

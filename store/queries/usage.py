@@ -1,7 +1,8 @@
 """Usage of each organisation: counted where it grows, so that no upload has to add it all up.
 
 The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
-at once are counted one after the other. Before anybody is refused they are counted again.
+at once are counted one after the other. Before anybody is refused they are counted again. Of jobs an upper
+bound is kept, which a job that ends does not lower: where it reaches the quota, the jobs are counted.
 
 An upload in pieces takes the room of its frame when it begins, and is refused then or never.
 """
@@ -16,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.records import Record
 from store.blobs.partials import Facts, Partials
+from store.queries import update_where
 from store.settings import Settings
 from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage, utc_now
 
@@ -42,8 +44,11 @@ class Used(Record):
 def read_usage(session: Session, organisation_id: str) -> Used:
     """Return what an organisation uses now; for showing, and for refusing before a body is sent."""
     row = session.get(Usage, organisation_id) or _count(session, organisation_id)
-    waiting = _count_waiting(session, organisation_id)
-    return Used(stored_bytes=row.stored_bytes, frames=row.frames, jobs_waiting=waiting)
+    return Used(
+        stored_bytes=row.stored_bytes,
+        frames=row.frames,
+        jobs_waiting=_count_jobs(session, organisation_id, "queued"),
+    )
 
 
 def limits_files(settings: Settings) -> bool:
@@ -58,7 +63,8 @@ def check_room(
     row = row or _count(session, organisation_id)
     used = {"frames": row.frames, "stored_bytes": row.stored_bytes}
     _refuse_over(session, organisation_id, settings, [size_bytes], **used)
-    _refuse_long_queue(session, organisation_id, room_for=1)
+    if row.jobs_most >= MOST_JOBS_WAITING:
+        _refuse_long_queue(session, organisation_id, room_for=1)
 
 
 def charge(
@@ -76,8 +82,12 @@ def charge(
     row = session.execute(
         update(Usage)
         .where(Usage.organisation_id == organisation_id)
-        .values(frames=Usage.frames + frames, stored_bytes=Usage.stored_bytes + size_bytes)
-        .returning(Usage.frames, Usage.stored_bytes)
+        .values(
+            frames=Usage.frames + frames,
+            stored_bytes=Usage.stored_bytes + size_bytes,
+            jobs_most=Usage.jobs_most + jobs,
+        )
+        .returning(Usage.frames, Usage.stored_bytes, Usage.jobs_most)
         .execution_options(synchronize_session=False)
     ).first()
     # an organisation that was founded after the counts were made has none yet
@@ -85,8 +95,18 @@ def charge(
     if not had_room:
         before = {"frames": used.frames - frames, "stored_bytes": used.stored_bytes - size_bytes}
         _refuse_over(session, organisation_id, settings, sizes_bytes, **before)
-    if jobs:
+    if jobs and used.jobs_most > MOST_JOBS_WAITING:
         _refuse_long_queue(session, organisation_id)
+        bound = _count_jobs(session, organisation_id, "queued", "running")
+        update_where(session, Usage, Usage.organisation_id == organisation_id, jobs_most=bound)
+
+
+def add_jobs(session: Session, count: int, *, organisation_id: str | None = None) -> None:
+    """Raise the bound by jobs that wait again or that nobody asked for, of one organisation or of all."""
+    raised = update(Usage).values(jobs_most=Usage.jobs_most + count)
+    if organisation_id is not None:
+        raised = raised.where(Usage.organisation_id == organisation_id)
+    session.execute(raised.execution_options(synchronize_session=False))
 
 
 def recount_if_old(session: Session, organisation_id: str) -> None:
@@ -133,7 +153,7 @@ def _list_begun(session: Session, begun: Sequence[Facts]) -> list[int]:
 
 
 def _refuse_long_queue(session: Session, organisation_id: str, *, room_for: int = 0) -> None:
-    waiting = _count_waiting(session, organisation_id, most=MOST_JOBS_WAITING + 1)
+    waiting = _count_jobs(session, organisation_id, "queued", most=MOST_JOBS_WAITING + 1)
     if waiting + room_for > MOST_JOBS_WAITING:
         raise QuotaExceeded("jobs_waiting", limit=MOST_JOBS_WAITING, used=min(waiting, MOST_JOBS_WAITING))
 
@@ -144,7 +164,7 @@ def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
     if found is not None:
         return found, False
     # founded after the counts were made; of two that come at once the second finds the first one's
-    made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, counted_at=utc_now())
+    made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, jobs_most=0, counted_at=utc_now())
     try:
         with session.begin_nested():
             session.add(made)
@@ -156,7 +176,8 @@ def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
 
 def _recount(session: Session, row: Usage) -> None:
     counted = _count(session, row.organisation_id)
-    row.frames, row.stored_bytes, row.counted_at = counted.frames, counted.stored_bytes, utc_now()
+    row.frames, row.stored_bytes, row.jobs_most = counted.frames, counted.stored_bytes, counted.jobs_most
+    row.counted_at = utc_now()
     session.flush()
 
 
@@ -168,9 +189,14 @@ def _count(session: Session, organisation_id: str) -> Usage:
         .join(Blob, Blob.sha256 == FrameRow.sha256)
         .where(Campaign.organisation_id == organisation_id)
     ).one()
-    return Usage(organisation_id=organisation_id, frames=frames, stored_bytes=int(stored_bytes))
+    return Usage(
+        organisation_id=organisation_id,
+        frames=frames,
+        stored_bytes=int(stored_bytes),
+        jobs_most=_count_jobs(session, organisation_id, "queued", "running"),
+    )
 
 
-def _count_waiting(session: Session, organisation_id: str, *, most: int | None = None) -> int:
-    jobs = select(Job.id).where(Job.organisation_id == organisation_id, Job.state == "queued").limit(most)
+def _count_jobs(session: Session, organisation_id: str, *states: str, most: int | None = None) -> int:
+    jobs = select(Job.id).where(Job.state.in_(states), Job.organisation_id == organisation_id).limit(most)
     return session.scalar(select(func.count()).select_from(jobs.subquery())) or 0

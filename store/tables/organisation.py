@@ -63,6 +63,7 @@ class Usage(Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
     frames: Mapped[int]
     stored_bytes: Mapped[BigInt]  # of its frames' files, in each campaign again
+    jobs_most: Mapped[int] = mapped_column(default=0)  # no fewer than wait or run: counted only at the quota
     counted_at: Mapped[datetime]  # when it was last counted by adding up
 
 

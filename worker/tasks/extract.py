@@ -19,7 +19,7 @@ from store import blobs, jobs, tables
 from store.blobs.proof import BlobDamaged
 from store.codec import decode, decode_header, encode
 from store.files import keep_blobs, keep_small_previews, reduce_preview
-from store.queries import campaigns, frames
+from store.queries import campaigns, frames, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed
@@ -106,6 +106,8 @@ def ask_siblings(
         waiting = [frame] if later else []
     for each in waiting:
         jobs.enqueue_extraction(session, each, campaign.organisation_id, by=_ACTOR)
+    if waiting:
+        usage.add_jobs(session, len(waiting), organisation_id=campaign.organisation_id)
 
 
 @dataclass(frozen=True, kw_only=True)
