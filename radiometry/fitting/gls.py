@@ -110,8 +110,9 @@ def expect_variance(problem: Problem, variances: Vector) -> tuple[float, float]:
     log_share = -((m / s) ** 2 + math.log(2.0 * math.pi)) / 2.0 - float(scipy.special.log_ndtr(m / s))
     h = math.exp(log_share)
     mean = max(0.0, m + s * h)
-    variance = s**2 * (1.0 - h * (h + m / s))
-    return mean, 2.0 * mean**2 / variance if variance > 0.0 else 2.0  # its limit far below 0
+    if m < -100.0 * s:  # their limit, beyond which the variance is rounding
+        return mean, 2.0
+    return mean, 2.0 * mean**2 / (s**2 * (1.0 - h * (h + m / s)))
 
 
 def _climb(

@@ -171,6 +171,8 @@ def with_session(endpoint: Callable[..., Any]) -> Callable[..., Any]:
     if not own and "session" not in stated.parameters:
         return endpoint
     changes = stated.return_annotation is Reply
+    if inspect.iscoroutinefunction(endpoint) and (changes or "session" in kinds):
+        raise TypeError(f"{endpoint.__name__} takes rows alone: a session ends before it goes on")
 
     def take(session: Session, asked: dict[str, Any]) -> dict[str, Any]:
         rows = {

@@ -5,6 +5,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import t as student_t
 
 from radiometry.fitting.curve import coverage_factor, fit_curve
@@ -242,3 +244,39 @@ def test_too_few_points_or_no_settling_is_no_fit():
 def test_coverage_factor_is_students_t():
     assert coverage_factor(math.inf) == pytest.approx(1.959964, abs=1e-6)
     assert coverage_factor(5.0) == pytest.approx(student_t.ppf(0.975, 5))
+
+
+def test_a_spoilt_frame_costs_its_scatter_and_leaves_the_apertures_alone():
+    """Ten frames, one 14 % low: a scatter of 0.14 sqrt(1 / 10) of which a mean takes sqrt(1 / 10)."""
+    errors = np.zeros(10)
+    errors[3] = -0.14
+    points = curve(
+        "aabbccddee", [2.8, 5.6] * 5, errors=errors, f_number_u_rel=0.015, repeatability_u_rel=0.01
+    )
+    fit = fit_curve(points, model="proportional")
+    assert fit.birge_ratio == pytest.approx(1.0, abs=0.01)
+    assert math.sqrt(fit.k_shares["scatter between frames"][1]) == pytest.approx(
+        np.std(np.log1p(errors), ddof=1) / math.sqrt(10), rel=0.1
+    )
+    assert math.sqrt(fit.k_shares["f-number"][1]) == pytest.approx(0.03 / math.sqrt(2), rel=0.01)
+    assert fit.free_parameters == 2
+
+
+@given(st.permutations(range(8)))
+@settings(max_examples=6)
+def test_the_scatter_found_does_not_depend_on_the_order(order):
+    errors = [0.03, -0.02, 0.01, 0.02, -0.03, 0.02, 0.0, 0.01]
+    points = curve("aabbccdd", [2, 4] * 4, errors=errors, f_number_u_rel=0.01, repeatability_u_rel=None)
+    other = replace(
+        points,
+        rhs=points.rhs[order],
+        signal_dn=points.signal_dn[order],
+        signal_u_dn=points.signal_u_dn[order],
+        scenes=tuple(points.scenes[i] for i in order),
+        f_numbers=tuple(points.f_numbers[i] for i in order),
+    )
+    for model in ("proportional", "power"):
+        first, second = (fit_curve(each, model=model) for each in (points, other))
+        assert first.scatter_u_rel > 0.005
+        assert second.scatter_u_rel == pytest.approx(first.scatter_u_rel, rel=1e-9)
+        assert u_rel(second) == pytest.approx(u_rel(first), rel=1e-9)

@@ -50,6 +50,17 @@ def test_weights_count_and_their_scale_does_not():
     assert np.array(ten.covariance) == pytest.approx(np.array(line.covariance))
 
 
+def test_the_interval_covers_the_true_drift_in_95_of_100():
+    rng = np.random.default_rng(2)
+    held = 0
+    for _ in range(500):
+        drift = only(over(33.0 - 0.001 * np.array(DAYS) + 0.1 * rng.standard_normal(4)))
+        low, high = drift.slope_interval
+        held += low <= -0.001 * DAYS_PER_YEAR <= high
+    # 475 expected, three standard deviations of the count are 15
+    assert 460 <= held <= 490
+
+
 def test_the_date_is_reached_by_hand():
     """Values on a line but for +-0.1: the bound b d + t u(d) reaches the limit."""
     values = [33.1, 32.9, 32.9, 33.1, 33.0]
@@ -63,6 +74,24 @@ def test_the_date_is_reached_by_hand():
     value, error = 33.0 + slope * (at - 200), s * np.sqrt(1 / 5 + (at - 200) ** 2 / (x @ x))
     assert abs(value - 33.0) + stats.t.ppf(0.95, 3) * error == pytest.approx(0.04 * 33.0, rel=1e-6)
     assert at > 400
+
+
+def test_before_the_date_the_camera_is_within_the_tolerance_in_95_of_100():
+    """True drift -0.001 a day; the true time of leaving is known; the date is later in 5 % at most."""
+    rng = np.random.default_rng(4)
+    late = told = 0
+    days = (0, 100, 200, 300, 400, 500)
+    for _ in range(500):
+        rows = over(33.0 - 0.001 * np.array(days) + 0.05 * rng.standard_normal(6), days)
+        date = only(rows).recalibrate_by
+        if date is None:
+            continue
+        told += 1
+        # users apply the last value; the true one is 33 - 0.001 t
+        after = (date - START) / timedelta(days=1)
+        late += rows[-1].value - (33.0 - 0.001 * after) > 0.04 * rows[-1].value
+    assert told > 450
+    assert late <= 0.05 * told + 3 * (0.05 * told) ** 0.5
 
 
 @pytest.mark.parametrize(
@@ -132,3 +161,15 @@ def test_the_verdict_on_each_coefficient(values, tolerance, verdict, said):
     assert drift.verdict == verdict
     assert said in drift.said
     assert (drift.change is None) == (len(values) < 3)
+
+
+def test_a_wrong_verdict_is_as_rare_as_promised():
+    """At a change of just the tolerance both verdicts are wrong: each in at most 5 and 2.5 of 100."""
+    rng, found = np.random.default_rng(4), []
+    for _ in range(600):
+        values = 33.0 + 0.04 * 33.0 * np.array(DAYS) / 300 + 0.1 * rng.standard_normal(4)
+        drift = only(over(values), 0.04)
+        found.append(drift.verdict)
+    # the tolerance is a share of the last value, which is 4 % higher; three standard deviations of 600
+    assert found.count("stable") / 600 < 0.05 + 0.09
+    assert found.count("drifts") / 600 < 0.025 + 0.019

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from radiometry.fleet.determinations import Key, are_separable, fit_effects
-from radiometry.fleet.results import count_repeats, find_sensitivity, judge_deviations
+from radiometry.fleet.results import compute_power, count_repeats, find_sensitivity, judge_deviations
 from radiometry.fleet.verdict import judge_fleet
-from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, fleet_of
+from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, draw_fleet, fleet_of
 
 ALIKE = [[33.0, 33.2, 32.9], [33.1, 33.0, 33.2], [32.9, 33.0, 33.1]]
 APART = [[30.0, 30.2, 29.9], [33.1, 33.0, 33.2], [36.2, 36.0, 36.1]]
@@ -186,6 +186,19 @@ def test_flags_of_the_repeats():
     assert only(fleet_of(ALIKE)).flags == ()
 
 
+@settings(max_examples=30)
+@given(st.integers(0, 2**32), st.floats(0.1, 1e4), st.permutations(range(4)))
+def test_neither_unit_nor_order_changes_a_relative_verdict(seed, scale, order):
+    rng = np.random.default_rng(seed)
+    truths = 33 * (1 + 0.03 * rng.standard_normal(4))
+    values = [truth + 0.4 * rng.standard_normal(3) for truth in truths]
+    plain = only(fleet_of(values))
+    other = only(fleet_of([scale * values[index] for index in order]))
+    assert other.judgement.equivalence_p_value == pytest.approx(plain.judgement.equivalence_p_value, rel=1e-6)
+    assert other.judgement.exceedance_p_value == pytest.approx(plain.judgement.exceedance_p_value, rel=1e-6)
+    assert other.cost.value == pytest.approx(plain.cost.value, rel=1e-6)
+
+
 def test_the_tests_by_hand():
     """v = 6: t_0.95 = 1.943, t_0.9875 = 2.969; with k = 2 a p of 0.05 is 0.0125 one-sided."""
     at = np.array([1.0, -1.0])
@@ -245,6 +258,27 @@ def test_another_model_or_setting_is_another_parameter():
     rows = fleet_of(ALIKE) + fleet_of(APART, key=affine)
     assert {str(each.key) for each in judge(rows).parameters} == {str(LUMINANCE_K)}
     assert [each.outcome for each in judge(rows).parameters] == ["shared", "per_camera"]
+
+
+@pytest.mark.parametrize(("cameras", "tolerance"), [(2, 2.0), (5, 1.5), (5, 3.0)])
+def test_the_number_of_repeats_does_what_it_promises(cameras, tolerance):
+    """400 equal fleets: shared in 90 % or more, less three standard deviations; a repeat less does not."""
+    repeats = count_repeats(cameras=cameras, tolerance_in_repeatabilities=tolerance)
+    rng = np.random.default_rng(5)
+    found = sum(
+        only(
+            draw_fleet(
+                rng, truths=[500.0] * cameras, repeats=repeats, repeatability=1.0, key=PRINCIPAL_POINT
+            ),
+            method="geometry",
+            tolerance=tolerance,
+        ).outcome
+        == "shared"
+        for _ in range(400)
+    )
+    assert found / 400 >= 0.9 - 3 * (0.09 / 400) ** 0.5
+    less = compute_power(cameras=cameras, repeats=repeats - 1, tolerance_in_repeatabilities=tolerance)
+    assert less < 0.9
 
 
 def test_the_table_of_repeats_in_the_documentation():
@@ -326,6 +360,20 @@ def test_bodies_and_lenses_are_told_apart_by_swaps():
     assert effects.factors[1].deviations == pytest.approx([-1, 1])
     assert effects.within_variance == 0.0
     assert effects.dof == 6 - (1 + 2 + 1)
+
+
+def test_the_components_of_bodies_and_lenses_are_unbiased():
+    """400 fleets of unbalanced swaps: mean components 9 and 4 within three standard errors."""
+    rng = np.random.default_rng(3)
+    bodies = np.repeat([0, 0, 0, 1, 1, 2, 3, 3, 4], 2)
+    lenses = np.repeat([0, 1, 2, 0, 3, 1, 2, 3, 0], 2)
+    found = []
+    for _ in range(400):
+        values = 3 * rng.standard_normal(5)[bodies] + 2 * rng.standard_normal(4)[lenses]
+        effects = fit_effects(values + rng.standard_normal(18), [bodies, lenses])
+        found.append([factor.variance for factor in effects.factors])
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / 20
+    assert np.all(np.abs(mean - [9, 4]) < 3 * error)
 
 
 @pytest.mark.parametrize(

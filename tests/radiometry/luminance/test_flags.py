@@ -304,3 +304,10 @@ def test_missing_black_level_is_flagged():
     assert raised(fit((*LIGHTS, *ROWS[9:])), "black_level_assumed") == []
     bare = fit((light("dim", 4.0, assumes_black=True), *LIGHTS))
     assert "as the dark signal" in next(f.detail for f in bare.flags if f.flag == "black_level_assumed")
+
+
+def test_darks_around_the_light_times_are_not_flagged():
+    rows = (*LIGHTS, *(dark(f"d{t}-{n}", time_s=t) for t in (0.01, 1.0) for n in range(2)))
+    assert raised(fit(rows), "dark_exposure_differs") == []
+    alone = (*LIGHTS, *(dark(f"d{n}", time_s=0.01) for n in range(3)))
+    assert raised(fit(alone), "dark_exposure_differs") == ["iso 3200"]

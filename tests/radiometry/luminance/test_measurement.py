@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from radiometry.findings import InputRejected
 from radiometry.findings.grouping import advise
@@ -337,3 +338,16 @@ def test_nothing_is_asked_for_that_was_stated(source):
     )
     assert "tate" not in given
     assert "tate" in lacking
+
+
+def test_a_blurred_frame_mixes_its_cells_by_as_much_as_the_manual_says():
+    """A step of 1000 DN between cells of 40 px, blurred by 4 px: 4 / (40 sqrt(2 pi)) of it, on both sides."""
+    step = np.where(np.arange(96) < 48, 500.0, 1500.0) + np.zeros((64, 1)) + 256.0
+    grid = Grid(corners=((8.0, 10.0), (88.0, 10.0), (88.0, 58.0), (8.0, 58.0)), rows=1, columns=2)
+    blurred = gaussian_filter1d(step, 4.0, axis=1)
+    shown = [
+        [cell.value / PER_DN for cell in measured(make_frame(each), grid=grid).surface.cells[0]]
+        for each in (step, blurred)
+    ]
+    expected = 1000.0 * 4.0 / (40.0 * math.sqrt(2.0 * math.pi))
+    assert np.subtract(*shown[::-1]) == pytest.approx([expected, -expected], rel=0.02)
