@@ -151,15 +151,15 @@ def _frames(facts: Facts) -> dict[str, Finding]:
     automatic = [frame for frame in both if not frame.manual]
     other = [frame for frame in both if frame.container != "dng" or frame.rendered]
     typed = [frame for frame in both if frame.typed_in]
-    none_yet = _lack_of_frames(facts, both)
+    none_yet, named = _lack_of_frames(facts, both), _list(both)
     findings = {
         "settings_exposure_manual": (
             none_yet or (automatic and f"Not said to be manual: {_list(automatic)}."),
-            f"The files say that the exposure was manual: {_list(both)}.",
+            f"The files say that the exposure was manual: {named}.",
         ),
         "settings_format_dng": (
             none_yet or (other and f"Not raw DNG: {_list(other)}."),
-            f"Every light and dark frame is a raw DNG: {_list(both)}.",
+            f"Every light and dark frame is a raw DNG: {named}.",
         ),
         "shooting_iso_and_apertures": (
             _lack_of_frames(facts, light) or _lack_of_settings(light, levels),
@@ -174,7 +174,7 @@ def _frames(facts: Facts) -> dict[str, Finding]:
         ),
         "shooting_settings_recorded": (
             none_yet,
-            f"Exposure time, f-number and ISO are recorded of {_list(both)}, read from the files"
+            f"Exposure time, f-number and ISO are recorded of {named}, read from the files"
             + (f"; typed in where the file lacks them: {_list(typed)}." if typed else "."),
         ),
     }
@@ -185,6 +185,7 @@ def _extraction(facts: Facts) -> dict[str, Finding]:
     both = (*_of_role(facts, "light"), *_of_role(facts, "dark"))
     waiting = [frame for frame in both if not frame.extracted]
     lacking = _lack_of_frames(facts, both) or (waiting and f"Without statistics: {_list(waiting)}.") or ""
+    named = _list(both)
     drawn = "" if facts.region else "No region was drawn."
     corners = "; ".join(f"{x:g}, {y:g}" for x, y in facts.region)
     steps = {
@@ -199,7 +200,7 @@ def _extraction(facts: Facts) -> dict[str, Finding]:
         "extract_polygon": _judge("region", drawn, f"A region with {len(facts.region)} corners was drawn."),
         "extract_coordinates": _judge("region", drawn, f"Corners (x, y) in pixels: {corners}."),
         **{
-            f"extract_{key}": _judge("statistics", lacking, f"{said}: {_list(both)}.")
+            f"extract_{key}": _judge("statistics", lacking, f"{said}: {named}.")
             for key, said in steps.items()
         },
     }
