@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Final
 
 _PLAIN: Final = (1e-4, 1e7)
@@ -72,10 +73,11 @@ def write_exposure(seconds: float) -> str:
     return f"1/{whole} s" if abs(seconds * whole - 1.0) < 0.01 else f"1/{1.0 / seconds:.3g} s"
 
 
-def natural_key(name: str) -> list[tuple[bool, str]]:
+@lru_cache(2**15)  # a review sorts the names of its frames again and again
+def natural_key(name: str) -> str:
     """Return a key that sorts names in natural order: scene 9 before scene 10."""
     parts = re.split(r"(\d+)", name.lower())
-    return [(part.isdigit(), part.zfill(20) if part.isdigit() else part) for part in parts]
+    return "\0".join(part.zfill(20) if part.isdigit() else part for part in parts)
 
 
 def sort_naturally(names: Iterable[str]) -> list[str]:
