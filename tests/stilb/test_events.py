@@ -23,7 +23,7 @@ def test_a_campaign_is_followed_and_a_job_to_its_end(team, signed_in, tmp_path):
     assert (ended.code, ended.json["state"]) == (Exit.DONE, "succeeded")
     other = team.client.push(campaign.id, write_frame(tmp_path / "b.DNG", serial="B2"), role="dark")
     refused = signed_in("events", other.job_id)
-    assert (refused.code, refused.out.split()[1]) == (Exit.FINDINGS, "failed")
+    assert (refused.code, refused.out.splitlines()[-1].split()[1]) == (Exit.FINDINGS, "failed")
     check_heads(team, campaign, frame)
     events.close()
 
