@@ -49,7 +49,7 @@ class Finding(Record):
 
 class Report(Record):
     findings: list[Finding]
-    parts: list[jobs.processes.Part]
+    parts: list[tables.PartRow]
     damaged_files: int
 
     @property
@@ -155,7 +155,7 @@ class Health:
         parts, damaged_files = self._read.found or ([], 0)
         return Report(findings=findings, parts=parts, damaged_files=damaged_files)
 
-    def _look_at_rows(self) -> tuple[list[jobs.processes.Part], int]:
+    def _look_at_rows(self) -> tuple[list[tables.PartRow], int]:
         with self._database.reading() as session:
             require_own_schema(session)
             return jobs.processes.list_parts(session), sum(files.count_damaged(session).values())
@@ -265,7 +265,7 @@ def _collect(queue: QueueCounts, totals: Totals, free_bytes: int) -> Iterator[Me
     ):
         yield GaugeMetricFamily(f"stilb_{name}", meaning, value)
     parts = GaugeMetricFamily("stilb_parts", "Processes by kind and state.", labels=("kind", "state"))
-    for kind, state in product(get_args(jobs.processes.Kind), get_args(jobs.processes.State)):
+    for kind, state in product(get_args(jobs.processes.Kind), get_args(tables.job.PartState)):
         parts.add_metric((kind, state), queue.count_parts(kind, state))
     yield parts
     yield _show_durations(queue.parts)
@@ -275,7 +275,7 @@ def _all(counts: Mapping[str, int], states: Iterable[str]) -> dict[str, int]:
     return {str(state): counts.get(state, 0) for state in states}
 
 
-def _show_durations(parts: Iterable[jobs.processes.Part]) -> Metric:
+def _show_durations(parts: Iterable[tables.PartRow]) -> Metric:
     # by slot: a successor counts from zero, as Prometheus expects of a restart
     family = HistogramMetricFamily(
         "stilb_job_duration_seconds",

@@ -12,9 +12,8 @@ from radiometry.findings import interface
 from service.http import answers, auth, models, operations, problems, processes
 from service.http.context import UsesContext
 from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
-from store.jobs.processes import Part
 from store.queries.jobs import count_queue
-from store.tables import Blob
+from store.tables import Blob, PartRow
 
 probes = APIRouter(tags=["system"])  # as probes ask, with whatever parameters
 router = operations.Router(tags=["system"])
@@ -38,7 +37,7 @@ class PartAnswer(models.Answer):
     details: dict[str, Any] = models.told("What it says of itself.")
 
     @classmethod
-    def of(cls, part: Part) -> "PartAnswer":
+    def of(cls, part: PartRow) -> "PartAnswer":
         return cls(
             kind=part.kind,
             state=part.state,

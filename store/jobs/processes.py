@@ -8,8 +8,7 @@ import threading
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from functools import partial
 from typing import Any, Final, Literal, get_args
 
@@ -22,6 +21,7 @@ from store.blobs.partials import Partials
 from store.database import Database, SchemaDiffers, summarise
 from store.queries import update_where
 from store.tables import JobKind, PartRow, utc_now
+from store.tables.job import STALE_AFTER_S
 
 BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
 
@@ -38,31 +38,10 @@ class Durations:
 
 
 Kind = Literal["service", "worker"]
-State = Literal["working", "hung", "gone"]
 
 BEAT_EVERY_S = 10.0
-STALE_AFTER_S = 35.0  # three missed beats and a moment
 _FORGET_AFTER = timedelta(minutes=10)
 _SLOT_ATTEMPTS = 100
-
-
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    id: str  # its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free
-    kind: str
-    host: str
-    pid: int
-    started_at: datetime
-    seen_s_ago: float
-    worked_s_ago: float
-    details: Mapping[str, Any]
-
-    @property
-    def state(self) -> State:
-        """Return "gone" without a heartbeat, "hung" if it beats and no work goes on, else "working"."""
-        if self.seen_s_ago > STALE_AFTER_S:
-            return "gone"
-        return "hung" if self.worked_s_ago > STALE_AFTER_S else "working"
 
 
 class Presence:
@@ -146,18 +125,9 @@ class Presence:
         session.execute(delete(PartRow).where(gone))
 
 
-def list_parts(session: Session) -> list[Part]:
+def list_parts(session: Session) -> list[PartRow]:
     """Return every process that is remembered, the longest running first, those that are gone too."""
-    now = utc_now()
-    return [
-        Part(
-            **{name: getattr(row, name) for name in ("id", "kind", "host", "pid", "started_at", "details")},
-            # A beat from the future was written before the clock was set back: as far away as one as old.
-            seen_s_ago=abs((now - row.seen_at).total_seconds()),
-            worked_s_ago=abs((now - row.worked_at).total_seconds()),
-        )
-        for row in session.scalars(select(PartRow).order_by(PartRow.started_at, PartRow.id))
-    ]
+    return list(session.scalars(select(PartRow).order_by(PartRow.started_at, PartRow.id)))
 
 
 log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, PREVIEW_LANE, processes, queues
 from store.queries import by_id
-from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage, utc_now
+from store.tables import Calibration, FrameRow, Job, Measurement, PartRow, Publication, Usage, utc_now
 
 MOST_COUNTED = 2000  # jobs of a state are counted up to here: 100,000 cost what a few thousand do
 
@@ -120,7 +120,7 @@ class QueueCounts(Record):
     due_later: int  # queued jobs that are not due yet: they are tried again later, or the clock was set back
     failures: dict[str, int]  # jobs that failed or were quarantined, by the code of their error
     waiting_for: dict[str, int]  # queued jobs whose last attempt found something away, by what that was
-    parts: list[processes.Part]
+    parts: list[PartRow]
 
     def count_parts(self, kind: str, state: str) -> int:
         return sum((part.kind, part.state) == (kind, state) for part in self.parts)
@@ -135,7 +135,7 @@ class QueueCounts(Record):
         said = (part.details.get("decoder_sandbox") for part in self._working())
         return Counter(sandbox["level"] for sandbox in said if sandbox)
 
-    def _working(self) -> list[processes.Part]:
+    def _working(self) -> list[PartRow]:
         return [part for part in self.parts if part.state == "working"]
 
 

@@ -71,12 +71,17 @@ class Turn(Base):
     organisation_id: Mapped[str] = mapped_column(default="")  # the one whose job was sent last
 
 
+PartState = Literal["working", "hung", "gone"]
+STALE_AFTER_S = 35.0  # three missed beats and a moment
+
+
 class PartRow(Base):
     """One run of one process. Not audited: it records that somebody is there, and nobody's decision."""
 
     __tablename__ = "part"
     __table_args__ = (one_of("kind", Literal["service", "worker", "sweeper"]),)
 
+    # its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free
     id: Mapped[str] = mapped_column(primary_key=True)
     kind: Mapped[str]
     host: Mapped[str]
@@ -86,3 +91,19 @@ class PartRow(Base):
     worked_at: Mapped[datetime]  # when the loop that does the work last did some, or was free to
     details: Mapped[Json] = mapped_column(default=dict)
     counts: Mapped[Json | None]  # what the other processes of its kind must count with: shown to nobody
+
+    @property
+    def seen_s_ago(self) -> float:
+        # a beat from the future was written before the clock was set back: as far away as one as old
+        return abs((utc_now() - self.seen_at).total_seconds())
+
+    @property
+    def worked_s_ago(self) -> float:
+        return abs((utc_now() - self.worked_at).total_seconds())
+
+    @property
+    def state(self) -> PartState:
+        """Return "gone" without a heartbeat, "hung" if it beats and no work goes on, else "working"."""
+        if self.seen_s_ago > STALE_AFTER_S:
+            return "gone"
+        return "hung" if self.worked_s_ago > STALE_AFTER_S else "working"
