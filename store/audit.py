@@ -1,9 +1,4 @@
-"""Every change of an audited row leaves an entry, written in the same transaction by the session itself.
-
-No route and no task can forget it: the flush writes it, not the caller. The entries of a transaction are
-chained at its end, when it holds every other lock that it needs: a chain's head is always locked last. Each
-organisation has a chain of its own, so that none waits for another's commit.
-"""
+"""Audit trail: each flush notes the changes of audited rows, and the end of a transaction chains them."""
 
 import hashlib
 import json
@@ -52,7 +47,7 @@ def record_act(
 
 
 def append_entries(session: Session) -> None:
-    """Chain and write what was noted; the last thing that a transaction does."""
+    """Chain and write what was noted: last of all, as a chain's head is locked after every other row."""
     if not (entries := session.info.pop("audit_entries", [])):
         return
     mine = AuditChain.name == (session.info["organisation_id"] or "")

@@ -72,11 +72,8 @@ log = logging.getLogger(__name__)
 class Database:
     """SQLite or PostgreSQL behind one face.
 
-    On SQLite a writer takes the write lock when it begins, not at its first write: two transactions that
-    read, then write, would otherwise end in "database is locked" whatever the timeout.
-
-    ``answer_within_s`` is how long a statement may take, on SQLite how long the write lock is waited for;
-    None is for work without a limit, such as a migration. ``post`` sends the messages of jobs.
+    ``answer_within_s`` limits a statement, on SQLite the wait for the write lock; None is for work without
+    a limit, such as a migration. ``post`` sends the messages of jobs.
     """
 
     def __init__(
@@ -92,6 +89,7 @@ class Database:
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
             self._reader = _sqlite_engine(url, begin="BEGIN", wait_s=wait_s)
+            # at once: two that read, then write, would end in "database is locked" whatever the timeout
             self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE", wait_s=wait_s)
             kind: Any = type(self._reader.dialect)
             self._dialect: Dialect = kind(paramstyle="named")

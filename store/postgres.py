@@ -25,11 +25,9 @@ _MOST_ASKED = 8  # statements of an event loop under way at once
 
 
 def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
-    """Connect with limits for statements, locks and silence; None: for work that may take its time.
+    """Connect with limits of statements and locks, which the server keeps, and of its silence; None: without.
 
-    The server ends what lasts too long. A server that is gone, stopped or behind a firewall that drops
-    packets ends nothing, and TCP alone may wait for a quarter of an hour, or for ever where a proxy still
-    acknowledges: then the connection is given up on this side.
+    A server out of reach ends nothing, and TCP alone may wait for a quarter of an hour, or for ever.
     """
     limit_s = answer_within_s
     engine = create_engine(

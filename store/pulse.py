@@ -1,8 +1,6 @@
-"""The pulse of a process: a file that it touches while its work goes on. `python -m store.pulse` checks it.
+"""The pulse of a process: a file whose time of change is the last beat, on the machine's steady clock.
 
-Whoever watches needs no clock of its own set right, no database and no room on the disk: the time of the last
-beat is the machine's steady clock, written as the file's time of change. It imports next to nothing, since a
-health check starts it again and again.
+`python -m store.pulse` checks it. It imports next to nothing, since a health check starts it again and again.
 """
 
 import fcntl

@@ -90,11 +90,7 @@ _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 class ObjectBlobs(spool.Blobs):
     """Blobs as objects `<prefix>/ab/cd/<sha256>`; keys, region and endpoint come from the AWS_* environment.
 
-    `AWS_ACCESS_KEY_ID_FILE`, `AWS_SECRET_ACCESS_KEY_FILE`, `AWS_SESSION_TOKEN_FILE` may name their files.
-
-    A new blob is spooled to the local disk first: its name is its hash, known only after the last byte, and
-    S3 can rename nothing. Sending it to a temporary key and copying would move every byte twice and leave
-    half an upload in the bucket after each broken connection.
+    A new blob is spooled to the local disk first: its name is its hash, and S3 can rename nothing.
     """
 
     def __init__(

@@ -1,9 +1,4 @@
-"""Files on their way in pieces: what has arrived lies on the disk, with how far it is, until the last byte.
-
-One file an upload: its head says what it will be and how many bytes are durable, and the bytes follow. A
-writer holds a claim, and the next claim ends it: a connection that died unnoticed keeps nobody waiting, in
-whichever process it hangs. The lock on the file lasts only while a piece is written.
-"""
+"""Files on their way in pieces: a head that says what each will be and how far it is, and its bytes."""
 
 import fcntl
 import hashlib
@@ -206,7 +201,7 @@ class Partial:
 
 
 class Claim:
-    """The right to append, until another claim."""
+    """The right to append, until another claim: a connection that died unnoticed keeps nobody waiting."""
 
     def __init__(self, path: Path, begins: int | None) -> None:
         self._folder = path.parent

@@ -71,8 +71,7 @@ def enqueue(
 ) -> Job:
     """Return a queued job for this subject: one that already waits with the same parameters, or a new one.
 
-    The lane is the job's kind unless another is named: what a person waits for does not stand in the lane of
-    what a whole card or flight brings. ``is_new``: the subject is, and no job can wait for it.
+    ``lane``: else the job's kind. ``is_new``: the subject is, and no job can wait for it.
     """
     waiting = select(Job).where(Job.subject_id == subject_id, Job.kind == kind, Job.state == "queued")
     for job in [] if is_new else session.scalars(waiting):
@@ -190,11 +189,9 @@ def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | 
 def retry_later(
     session: Session, held: Claim, *, waits_for: Dependency, alone: bool = False
 ) -> datetime | None:
-    """Put a job back after a passing fault; return when it is due, None if it has failed.
+    """Put a job back after a passing fault; return when it is due, None if such faults last for a day.
 
-    It has when such faults have lasted for a day. ``alone``: others have what they need. The pauses grow with
-    the time since the first fault, up to minutes, and differ by chance: what failed together is not tried
-    again together.
+    ``alone``: others have what they need. Pauses differ by chance: what failed together is tried apart.
     """
     now = utc_now()
     since = held.faulty_since or now

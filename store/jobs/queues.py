@@ -1,8 +1,4 @@
-"""Queues of Celery: which task and queue a job goes through, and whose message is sent next.
-
-The row is the truth. Its message is chosen in the transaction that queues it or makes room, and sent after
-the commit; one that is lost, doubled or late costs time only.
-"""
+"""Queues of Celery: the task and queue of a job, whose row is the truth, and whose message is sent next."""
 
 import logging
 import threading

@@ -125,8 +125,7 @@ class Decision(Record):
 def list_publishings(session: Session, slot_ids: Select[int]) -> list[Act]:
     """List what was published in these slots, oldest first.
 
-    When a newer version takes a part of an older one's time, its rest is written again in the same
-    instant: of a slot's rows of one instant only the last one written is what somebody published.
+    Of rows of one instant only the last is what somebody published: the others are rests of older ones.
     """
     rows = session.execute(
         select(Publication, AuditEntry)

@@ -213,12 +213,8 @@ def read_grid(
 ) -> list[dict[str, Any]]:
     """Read a page of a campaign's frames in the order in which they came, withdrawn ones too.
 
-    ``since`` : only those that have changed since this revision of the campaign.
-
-    ``instant`` is None where the zone of the clock is not known, ``time_zone`` where none had to be stated;
-    ``signal_dn`` is the mean of the green channels, else of all, in the region that holds for the frame;
-    ``clipped_share`` that of the channel with the largest share of pixels at the white level; ``region_id``
-    is the region that holds.
+    ``since``: those alone that have changed since this revision. ``instant`` is None where the zone of the
+    clock is not known, ``time_zone`` where none had to be stated; signals are those of the region that holds.
     """
     chosen = FrameRow.campaign_id == campaign.id
     if since is not None:

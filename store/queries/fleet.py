@@ -21,8 +21,7 @@ def list_determinations(
 ) -> list[Determination]:
     """The coefficients of the cameras' published versions, not those revoked, by camera and version.
 
-    A version is dated by its campaign, else by the earliest time for which it was published. Its lens is, in
-    this order: the one said in ``lenses`` (by version), that of the campaign's first frame, the camera's own.
+    ``lenses``: by version, before that of the campaign's first frame and the camera's own.
     """
     sources = list_sources(session, cameras, method, lenses)
     rows = coefficients_of(session, [source.version for source in sources])

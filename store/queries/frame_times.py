@@ -108,8 +108,7 @@ def read_frame_time(frame: FrameRow, zones: Zones) -> FrameTime | None:
 def find_time(stated: str | None, zones: Zones, *, system: str | None = None) -> FrameTime | None:
     """Return when a frame was taken; None if its file has no time, or its clock was never set.
 
-    An offset in the file counts before anything else, then the campaign's zone, then the UTC that Parrot and
-    MicaSense cameras (``system``) write, then the organisation's zone.
+    First its offset counts, then the campaign's zone, UTC of a ``system`` that writes it, the organisation's.
     """
     if stated is None:
         return None

@@ -88,8 +88,7 @@ def find_or_add_frames(
 ) -> list[tuple[FrameRow, bool, bool]]:
     """The campaign's frame with these bytes; whether it is new; whether it is to be read (again).
 
-    The same bytes again change nothing, except that a withdrawn frame is restored, a refused one gets another
-    chance, and one whose reading was given up is read again.
+    The same bytes restore a withdrawn frame, and read again one that was refused or given up.
     """
     # no frame has a file that is new
     stored = {new.blob.sha256 for _, new in arrived} - keep_blobs(session, [new.blob for _, new in arrived])

@@ -1,10 +1,7 @@
-"""Usage of each organisation: counted where it grows, so that no upload has to add it all up.
+"""Usage of each organisation: one row, locked by whoever adds to it, and recounted before anybody is refused.
 
-The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
-at once are counted one after the other. Before anybody is refused they are counted again. Of jobs an upper
-bound is kept, which a job that ends does not lower: where it reaches the quota, the jobs are counted.
-
-An upload in pieces takes the room of its frame when it begins, and is refused then or never.
+Of jobs an upper bound is kept, which a job that ends does not lower: at the quota the jobs are counted. An
+upload in pieces takes the room of its frame when it begins, and is refused then or never.
 """
 
 from collections.abc import Sequence

@@ -39,11 +39,7 @@ class AuditEntry(Base):
 
 
 class AuditChain(Base):
-    """The last link of an organisation's chain, which does not match a cut-off end; whoever appends locks it.
-
-    Every organisation has one from its foundation on, and the name "" is of what belongs to none. The first
-    entry of each continues the common chain of an older stilb, which ends in `AuditHead`.
-    """
+    """Last link of an organisation's chain, or, named "", of what belongs to none; who appends locks it."""
 
     __tablename__ = "audit_chain"
 
@@ -53,7 +49,7 @@ class AuditChain(Base):
 
 
 class AuditHead(Base):
-    """The last link of the chain that all organisations had in common, in one row; it grows no more."""
+    """The last link of the chain that all had in common in an older stilb, and that theirs continue."""
 
     __tablename__ = "audit_head"
     __table_args__ = (CheckConstraint("id = 1", "one_row"),)

@@ -81,8 +81,7 @@ class Slot(Base):
 class Publication(Identified, Audited, Base, prefix="pub"):
     """A version in force in [valid_from, valid_to), as known in [known_from, known_to): bitemporal.
 
-    A row is only ever closed (known_to is set); a changed validity is a new row. That no two rows of a slot
-    overlap in both times is held by the database.
+    A row is only ever closed; the database holds that no two of a slot overlap in both times.
     """
 
     __tablename__ = "publication"
