@@ -12,8 +12,8 @@ from radiometry.findings import interface
 from radiometry.methods import findings, get_method
 from radiometry.records import Record
 from radiometry.specification.application import SurfaceApplication
+from service.documents.issuing import send_pdf
 from service.documents.rendered import Order, order_sheets
-from service.documents.routes import send_pdf
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
 from service.http import answers, lookup, operations, problems
 from service.http.context import UsesContext

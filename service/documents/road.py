@@ -6,8 +6,8 @@ from typing import Annotated, Final
 from fastapi import Query, Request, Response
 
 from radiometry.drawing.text import in_step, write_exposure, write_unit
+from service.documents.issuing import send_pdf
 from service.documents.rendered import Order, order_sheets
-from service.documents.routes import send_pdf
 from service.documents.sheets import Node, optional, percent, plain, stamp, table
 from service.http import answers, lookup, operations
 from service.http.context import UsesContext

@@ -16,8 +16,7 @@ from service.calibrations import routes as calibrations
 from service.campaigns import grid, manifests, points, proposals, readings
 from service.campaigns import routes as campaigns
 from service.coefficients import routes as coefficients
-from service.documents import report, road
-from service.documents import routes as certificates
+from service.documents import issuing, report, road
 from service.equipment import routes as equipment
 from service.frames import pictures
 from service.frames import routes as frames
@@ -94,7 +93,7 @@ def _include_routers(app: FastAPI) -> None:
         coefficients.router,
         *(measurements.comparisons_router, fleet.router, equipment.rigs_router),
         *(measurements.router, report.router, roads.router, roads.rules_router, road.router),
-        *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
+        *(jobs.events_router, jobs.router, campaigns.checklist_router, issuing.router),
         *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
         *(frames.motion_router, tools.router),
         *PAGES,

@@ -1,6 +1,5 @@
 """The OpenAPI document, made true: what FastAPI derives, and what it cannot know."""
 
-import gzip
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator
@@ -52,7 +51,7 @@ _HEADERS: dict[str, tuple[str, Callable[[str, Collection[str], str], bool]]] = {
 
 
 class Document:
-    """The document as it is sent: written and packed once, when it is first asked for."""
+    """The document as it is sent: written once, when it is first asked for."""
 
     def __init__(self, app: FastAPI) -> None:
         self._app = app
@@ -60,10 +59,6 @@ class Document:
     @cached_property
     def text(self) -> bytes:
         return json.dumps(self._app.openapi(), ensure_ascii=False, separators=(",", ":")).encode()
-
-    @cached_property
-    def packed(self) -> bytes:
-        return gzip.compress(self.text, mtime=0)
 
     @cached_property
     def tag(self) -> str:

@@ -105,15 +105,11 @@ _MANUAL = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2] / "do
 
 @router.get("/openapi.json")
 def get_document(request: Request) -> Response:
-    """Send the OpenAPI document, packed once: it changes with the release alone."""
+    """Send the OpenAPI document: it changes with the release alone."""
     document: Document = request.app.state.document
-    headers = {"ETag": f'"{document.tag}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
-    packed = "gzip" in request.headers.get("accept-encoding", "")
-    return answers.not_modified(request, document.tag, headers) or Response(
-        document.packed if packed else document.text,
-        headers=headers | ({"Content-Encoding": "gzip"} if packed else {}),
-        media_type="application/json",
-    )
+    headers = {"ETag": f'"{document.tag}"', "Cache-Control": "no-cache"}
+    unchanged = answers.not_modified(request, document.tag, headers)
+    return unchanged or Response(document.text, headers=headers, media_type="application/json")
 
 
 @router.get("/docs")

@@ -19,8 +19,7 @@ MOST_CASES = 1000
 # wider than any camera and any aircraft, narrower than what overflows
 PixelPitch = Annotated[Number, models.told("Distance of neighbouring pixels.", ge=0.01, le=1e4)]
 FocalLength = Annotated[Number, Field(ge=0.01, le=1e5)]
-EXPOSURE_TIMES_S = Field(ge=1e-9, le=86_400)
-ExposureTime = Annotated[Number, EXPOSURE_TIMES_S]
+ExposureTime = Annotated[Number, Field(ge=1e-9, le=86_400)]
 Metres = Annotated[Number, Field(ge=1e-3, le=1e7)]
 
 
@@ -66,12 +65,11 @@ class CoveragesAnswer(Answer):
 
 MOST_ROWS = 10_000
 
-_F_NUMBERS, _ISOS = Field(ge=0.1, le=1000), Field(ge=0.1, le=1e9)
-_SIGNALS_DN, _WHITE_LEVELS_DN = Field(ge=-1e9, le=1e9), Field(gt=0, le=1e9)
+_USUAL = "Of a table's rows that state none."
 
-FNumber = Annotated[Number, _F_NUMBERS]
-Iso = Annotated[Number, _ISOS]
-Signal = Annotated[Number, _SIGNALS_DN]
+FNumber = Annotated[Number, Field(ge=0.1, le=1000)]
+Iso = Annotated[Number, Field(ge=0.1, le=1e9)]
+Signal = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
 class ExposureRow(Form):
@@ -87,7 +85,7 @@ class NewExposureSeries(Form):
 
     rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
     dark_dn: Signal = models.told("Of rows that state none; 0 where black is off already.", default=0.0)
-    white_level_dn: Annotated[Number, _WHITE_LEVELS_DN]
+    white_level_dn: Annotated[Number, Field(gt=0, le=1e9)]
 
     def series(self) -> list[SeriesRow]:
         return [SeriesRow(**row.model_dump()) for row in self.rows]
@@ -96,17 +94,11 @@ class NewExposureSeries(Form):
 class ExposureTable(Form):
     """Statements that a table does not contain; with JSON none of them, since they are in the body."""
 
-    white_level_dn: Annotated[
-        float | None, _WHITE_LEVELS_DN, models.told("Needed with a table; of JSON in the body.")
-    ] = None
-    dark_dn: Annotated[float | None, _SIGNALS_DN, models.told("Of a table's rows without one; else 0.")] = (
-        None
-    )
-    exposure_time_s: Annotated[
-        float | None, EXPOSURE_TIMES_S, models.told("Of a table's rows that state none.")
-    ] = None
-    f_number: Annotated[float | None, _F_NUMBERS, models.told("Of a table's rows that state none.")] = None
-    iso: Annotated[float | None, _ISOS, models.told("Of a table's rows that state none.")] = None
+    white_level_dn: float | None = models.maybe("Needed with a table; of JSON in the body.", gt=0, le=1e9)
+    dark_dn: float | None = models.maybe("Of a table's rows without one; else 0.", ge=-1e9, le=1e9)
+    exposure_time_s: float | None = models.maybe(_USUAL, ge=1e-9, le=86_400)
+    f_number: float | None = models.maybe(_USUAL, ge=0.1, le=1000)
+    iso: float | None = models.maybe(_USUAL, ge=0.1, le=1e9)
     signal: Text | None = models.maybe("The column of the signal, where there is one a channel.")
 
 
