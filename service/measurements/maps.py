@@ -4,11 +4,11 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, BinaryIO, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,25 +79,35 @@ def read_layout(path: Path) -> Layout:
 
 def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
     """Return means over whole squares of `step` pixels from the window's corner on; NaN where unknown."""
-    rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
-    inner = Window(
-        top=window.top, left=window.left, bottom=window.top + rows * step, right=window.left + cols * step
+    size, rows, cols = (
+        layout.tile_px,
+        (window.bottom - window.top) // step,
+        (window.right - window.left) // step,
     )
+    if not rows or not cols:
+        return np.zeros((rows, cols), np.float32)
+    bottom, right = window.top + rows * step, window.left + cols * step
+    across = range(window.left // size, -(-right // size))
     sums = np.zeros((rows, cols), np.float64)
-    touched = dict(_tiles_of(layout, inner))
-    for index, plane in read_tiles(path, layout, touched):
-        tile = touched[index]
-        top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
-        part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
-        _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
+    with path.open("rb") as file:
+        # a row of tiles at a time: the whole map would take as much memory as the frame
+        for tile_row in range(window.top // size, -(-bottom // size)):
+            strip = np.concatenate([_read_tile(file, layout, tile_row, each) for each in across], axis=1)
+            top, left = max(window.top - tile_row * size, 0), window.left - across.start * size
+            part = strip[top : bottom - tile_row * size, left : left + cols * step]
+            to_rows = (tile_row * size + top - window.top + np.arange(len(part))) // step
+            if step > 1:
+                first_rows = np.flatnonzero(np.diff(to_rows, prepend=-1))
+                part = np.add.reduceat(part, first_rows, axis=0, dtype=np.float64)
+                part = np.add.reduceat(part, np.arange(0, cols * step, step), axis=1)
+            sums[to_rows[0] : to_rows[-1] + 1] += part
     return (sums / step**2).astype(np.float32)
 
 
-def read_tiles(path: Path, layout: Layout, indices: Iterable[int]) -> Iterator[tuple[int, Values]]:
-    with path.open("rb") as file:
-        for index in indices:
-            file.seek(layout.offsets[index])
-            yield index, _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
+def _read_tile(file: BinaryIO, layout: Layout, row: int, col: int) -> Values:
+    index = row * layout.across + col
+    file.seek(layout.offsets[index])
+    return _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
 
 
 def _decode(tile: bytes, layout: Layout) -> Values:
@@ -108,34 +118,6 @@ def _decode(tile: bytes, layout: Layout) -> Values:
     rows = np.cumsum(np.frombuffer(tile, np.uint8).reshape(size, 4 * size), axis=1, dtype=np.uint8)
     planes = np.ascontiguousarray(rows.reshape(size, 4, size).transpose(0, 2, 1))
     return planes.view(">f4")[..., 0]
-
-
-def _tiles_of(layout: Layout, window: Window) -> Iterator[tuple[int, Window]]:
-    """The index of each tile that a window touches, and what it touches of it."""
-    size = layout.tile_px
-    for tile_row in range(window.top // size, -(-window.bottom // size)):
-        for tile_col in range(window.left // size, -(-window.right // size)):
-            yield (
-                tile_row * layout.across + tile_col,
-                Window(
-                    top=max(window.top, tile_row * size),
-                    left=max(window.left, tile_col * size),
-                    bottom=min(window.bottom, (tile_row + 1) * size),
-                    right=min(window.right, (tile_col + 1) * size),
-                ),
-            )
-
-
-def _add(sums: NDArray[np.float64], part: Values, *, row: int, col: int, step: int) -> None:
-    """Add a part's pixels, the first of which is (row, col) from the window's corner, to their squares."""
-    height, width = part.shape
-    if step == 1:
-        sums[row : row + height, col : col + width] = part
-        return
-    to_rows, to_cols = (row + np.arange(height)) // step, (col + np.arange(width)) // step
-    lines = np.add.reduceat(part, np.flatnonzero(np.diff(to_rows, prepend=-1)), axis=0, dtype=np.float64)
-    squares = np.add.reduceat(lines, np.flatnonzero(np.diff(to_cols, prepend=-1)), axis=1)
-    sums[to_rows[0] : to_rows[-1] + 1, to_cols[0] : to_cols[-1] + 1] += squares
 
 
 _Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
