@@ -74,36 +74,28 @@ class _Comparison:
             self._report.faults.append(f"{self._name}: a row cannot be read, it was edited: {error}")
 
     def _walk(self) -> None:
-        rows = ((key, "rows", of_one) for key, of_one in self._rows())
-        entries = ((key, "entries", of_one) for key, of_one in self._entries())
-        for key, both in groupby(merge(rows, entries, key=itemgetter(0)), key=itemgetter(0)):
-            found = {kind: of_one for _, kind, of_one in both}
-            self._compare(key, found.get("rows", []), found.get("entries", []))
+        both = merge(self._rows(), self._entries(), key=itemgetter(0))
+        for key, group in groupby(both, key=itemgetter(0)):
+            found = [each for _, each in group]
+            rows = [each for each in found if isinstance(each, self._table)]
+            self._compare(key, rows, [each for each in found if not isinstance(each, self._table)])
 
-    def _rows(self) -> Iterator[tuple[str, list[Any]]]:
+    def _rows(self) -> Iterator[tuple[str, Any]]:
         (first, *_) = inspect(self._table).primary_key
-        found = self._session.scalars(
-            select(self._table).order_by(self._ordered(first)), execution_options={"yield_per": _ROWS_AT_ONCE}
-        )
+        found = select(self._table).order_by(self._ordered(first))
+        for row in self._session.scalars(found, execution_options={"yield_per": _ROWS_AT_ONCE}):
+            self._session.expunge(row)
+            yield str(getattr(row, self._first)), row
 
-        def rows() -> Iterator[tuple[str, Any]]:
-            for row in found:
-                yield str(getattr(row, self._first)), row
-                self._session.expunge(row)
-
-        for key, group in groupby(rows(), key=itemgetter(0)):
-            yield key, [row for _, row in group]
-
-    def _entries(self) -> Iterator[tuple[str, list[Any]]]:
-        found = self._session.execute(
+    def _entries(self) -> Iterator[tuple[str, Any]]:
+        found = (
             select(AuditEntry.subject_id, AuditEntry.action, AuditEntry.before, AuditEntry.after)
             .where(AuditEntry.subject_type == self._name)
             .where(AuditEntry.action.in_([f"{self._name}.{verb}" for verb in ("create", "change", "delete")]))
-            .order_by(self._ordered(AuditEntry.subject_id), AuditEntry.seq),
-            execution_options={"yield_per": _ROWS_AT_ONCE},
+            .order_by(self._ordered(AuditEntry.subject_id), AuditEntry.seq)
         )
-        for key, group in groupby(found, key=itemgetter(0)):
-            yield key, list(group)
+        for entry in self._session.execute(found, execution_options={"yield_per": _ROWS_AT_ONCE}):
+            yield entry.subject_id, entry
 
     def _ordered(self, column: Any) -> ColumnElement[Any]:  # noqa: ANN401  a column
         # as Python compares text, whatever the database's language
