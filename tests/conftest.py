@@ -1,6 +1,11 @@
 """What every suite shares: both databases, and the house put together without processes."""
 
 import gc
+
+# Thousands of tests and all that they import stay to the end: to search them for garbage again and again
+# took a tenth of a test process.
+gc.set_threshold(10_000)
+
 import os
 import tempfile
 from collections import defaultdict
@@ -23,10 +28,6 @@ from tests.support.wheels import installed, server_wheel, wheel  # noqa: F401 (f
 # the same examples in every run, and no clock: a test fails because of the code, never of the day or the load
 hypothesis.settings.register_profile("house", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("house")
-
-# Thousands of tests and all that they import stay to the end: to search them for garbage again and again
-# took a tenth of a test process.
-gc.set_threshold(10_000)
 
 # Tens of thousands of commits wait for a disk, and no test is about a power cut: their folders lie in memory,
 # where a whole run keeps less than 1 GiB.

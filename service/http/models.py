@@ -7,7 +7,6 @@ import types
 import unicodedata
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime
-from functools import partial
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -59,7 +58,11 @@ def _name_zone(text: str) -> str:
         raise PydanticCustomError("time_zone", "{said}", {"said": str(error)}) from error
 
 
-COMPOSED: Final = AfterValidator(partial(unicodedata.normalize, "NFC"))
+def _compose(text: str) -> str:
+    return unicodedata.normalize("NFC", text)
+
+
+COMPOSED: Final = AfterValidator(_compose)
 """A name is the same however its letters are put together: macOS writes an accent apart, keyboards do not."""
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
 Text = Annotated[
