@@ -42,6 +42,7 @@ def main() -> int:
     given = os.environ.get("STILB_DATA")
     keep = os.environ.get("KEEP", "") not in {"", "0"}
     parent = Path("stilb-data").absolute()
+    parent_is_new = not given and not parent.exists()
     if not given:
         parent.mkdir(exist_ok=True)
     prefix = time.strftime("demo-%Y%m%d-%H%M%S-")
@@ -57,8 +58,9 @@ def main() -> int:
         console.print(f"demo: everything is in {data}, its logs too", highlight=False, soft_wrap=True)
     elif not given:
         shutil.rmtree(data, ignore_errors=True)
-        with suppress(OSError):  # other data may lie there
-            parent.rmdir()
+        if parent_is_new:
+            with suppress(OSError):  # other data may lie there by now
+                parent.rmdir()
     return code
 
 

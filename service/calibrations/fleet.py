@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Query, Response
-from sqlalchemy.orm import Session
 
 from radiometry.fleet import drift, results
 from radiometry.fleet.determinations import Determination, Source
 from radiometry.fleet.verdict import judge_fleet
 from service.calibrations import schemas
 from service.http import answers, auth, lookup, operations, problems
+from service.http.context import UsesContext
 from service.http.models import Answer, Instant, Method, PositiveText, maybe
 from service.tools.routes import stateless
 from store.queries.fleet import list_determinations
@@ -51,15 +51,16 @@ router = operations.Router(prefix="/v1", tags=["fleet"])
     responses=answers.problems(404),
     dependencies=stateless,
 )
-def judge_cameras(body: schemas.NewFleetVerdict, caller: auth.Reader, session: Session) -> Response:
+def judge_cameras(body: schemas.NewFleetVerdict, caller: auth.Reader, context: UsesContext) -> Response:
     """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
 
     Each campaign with a published version that was not revoked is a repeat of its camera's calibration.
     """
     lenses = {named.calibration_id: named.serial for named in body.lenses or []}
-    cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
-    _refuse_other_models(cameras)
-    found = list_determinations(session, cameras, body.method, lenses)
+    with context.database.reading() as session:
+        cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+        _refuse_other_models(cameras)
+        found = list_determinations(session, cameras, body.method, lenses)
     _refuse_unknown_versions(lenses, found)
     _refuse_tolerance(body, found)
     verdict = judge_fleet(
@@ -83,7 +84,7 @@ def judge_cameras(body: schemas.NewFleetVerdict, caller: auth.Reader, session: S
 @router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer)
 def get_drift(
     camera: lookup.Own[Camera],
-    session: Session,
+    context: UsesContext,
     method: Method,
     tolerance: Annotated[
         PositiveText | None, Query(description="A share below 1 such as 0.04; of geometry px.")
@@ -92,7 +93,8 @@ def get_drift(
     """How each coefficient of a camera changes from version to version, and when to calibrate it again."""
     if tolerance is not None and results.main_unit(method) == results.PERCENT:
         _refuse_no_share("query.tolerance", tolerance)
-    found = list_determinations(session, [camera], method, {})
+    with context.database.reading() as session:
+        found = list_determinations(session, [camera], method, {})
     drifts, left_out = drift.judge_drift(found, method=method, tolerance=tolerance)
     return DriftAnswer.restate(
         camera_id=camera.id,

@@ -291,9 +291,10 @@ def _add(method: str, export: Export) -> None:
         calibration: Own[Calibration],
         request: Request,
         query: Any,  # noqa: ANN401  a form of the export's options
-        session: Session,
+        context: UsesContext,
     ) -> Response:
-        camera = session.get_one(Camera, calibration.camera_id)
+        with context.database.reading() as session:
+            camera = session.get_one(Camera, calibration.camera_id)
         _require(calibration, camera, method, export)
         tag = f"{calibration.content_sha256}-{export.filename}-{request.url.query}"
         if (unchanged := answers.not_modified(request, tag)) is not None:

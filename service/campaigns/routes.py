@@ -19,7 +19,7 @@ from service.http.context import UsesContext
 from service.http.lookup import Id, Own, owned
 from service.http.models import Answer, Form, LongText, Text, maybe, rfc3339, told
 from service.http.problems import Problem, invalid, located, wrong
-from service.measurements.requests import read_roi
+from service.measurements.requests import NewDrawing
 from store import codec, reviews
 from store.queries import campaigns, checklist, organisations
 from store.queries.evidence import Offer, find_by_serial, find_offer
@@ -117,7 +117,7 @@ def list_campaigns(
     rows = select(Campaign)
     if listing.archived is not None:
         rows = rows.where(Campaign.archived_at.is_not(None) == listing.archived)
-    return listing.send_own(session, caller, rows, schemas.CampaignAnswer.restate)
+    return listing.send_own(session, caller, rows, schemas.CampaignAnswer.restate, apart=["archived"])
 
 
 @router.get("/{campaign_id}", response_model=schemas.CampaignAnswer)
@@ -158,10 +158,10 @@ def change_campaign(
 
 @router.put("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
 def set_campaign_roi(
-    campaign: Own[Campaign], body: schemas.NewRoi, caller: Calibrator, session: Session
+    campaign: Own[Campaign], drawing: NewDrawing, caller: Calibrator, session: Session
 ) -> Reply:
     """Set the region of every frame that has none of its own; older statistics stay."""
-    roi = campaigns.find_or_add_roi(session, caller.organisation_id, read_roi(body))
+    roi = campaigns.find_or_add_roi(session, caller.organisation_id, drawing)
     jobs = campaigns.set_roi(session, campaign, roi, by=caller.key_id)
     return Reply(status=200, body=schemas.RoiAnswer.of(roi), jobs=jobs)
 

@@ -203,8 +203,8 @@ async def get_road_plan_card(
     def order() -> tuple[str, Order]:
         with context.database.reading() as session:
             by = name_laboratory(session.get_one(Organisation, road.organisation_id))
-            plan = routes.answer_plan(session, road, wanted).dump()
             answer = routes.answer_road(session, road).dump()
+        plan = routes.answer_plan(context, road, wanted).dump()
         return road.id, order_sheets(lay_out_card(answer, plan, by=by))
 
     return await send_pdf(request, context, order)

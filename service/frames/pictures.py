@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Annotated, Final, Self
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from PIL import Image, ImageDraw
 from pydantic import Field, StringConstraints, model_validator
 from sqlalchemy import select
@@ -129,14 +129,23 @@ class GridLook(models.Answer):
 router = operations.Router(prefix="/v1", tags=["frames"])
 
 
+def _read_look(body: NewLook) -> Polygon:
+    return Polygon.from_points(body.polygon)
+
+
 @router.post("/frames/{frame_id}/region", **QUEUES, responses=answers.problems(409))
-def look_at_region(frame: Own[FrameRow], body: NewLook, caller: Reader, session: Session) -> changes.Reply:
+def look_at_region(
+    frame: Own[FrameRow],
+    polygon: Annotated[Polygon, Depends(_read_look)],
+    caller: Reader,
+    session: Session,
+) -> changes.Reply:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
     `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
     pixels from (row0_px, col0_px) that hold samples at the white level, with the share of such pixels.
     """
-    polygon, header = Polygon.from_points(body.polygon), require_header(frame)
+    header = require_header(frame)
     bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
     return queue(session, caller, frame, {"polygon": [list(point) for point in polygon.points]})
 

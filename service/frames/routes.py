@@ -14,14 +14,14 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from radiometry.tools.motion import USUAL_LIMIT_PX, Basis, MotionCase, blur_of_file, compute_motion
-from service.campaigns.schemas import NewRoi, RoiAnswer, Role
+from service.campaigns.schemas import RoiAnswer, Role
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
 from service.http import answers, auth, changes, operations, problems, tables
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, Locked, Own
 from service.http.models import Answer, Form, maybe, told
 from service.http.paging import Page, UsesPaging
-from service.measurements.requests import read_region, read_roi
+from service.measurements.requests import NewDrawing, read_region
 from service.tools.routes import KM_H_PER_M_S, refuse_two_speeds
 from service.uploads.frames import admit, answer_frames, answer_write, keep_frame, receive
 from store.codec import decode_exposure, decode_header
@@ -143,10 +143,9 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: a
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
 def set_frame_roi(
-    frame: Own[FrameRow], body: NewRoi, caller: auth.Calibrator, session: Session
+    frame: Own[FrameRow], drawing: NewDrawing, caller: auth.Calibrator, session: Session
 ) -> changes.Reply:
     """Set a region for one frame, where the camera has moved."""
-    drawing = read_roi(body)
     if header := frame.header:
         bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
     roi = find_or_add_roi(session, caller.organisation_id, drawing)

@@ -1,6 +1,7 @@
 """Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
 import asyncio
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
@@ -158,16 +159,21 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
 
 
 def require(caller: Caller, scope: Scope) -> None:
-    if scope not in caller.scopes:
-        detail = f"This needs a key with the scope {scope!r}, which your key does not have."
+    require_any(caller, (scope,))
+
+
+def require_any(caller: Caller, scopes: Sequence[Scope]) -> None:
+    if caller.scopes.isdisjoint(scopes):
+        named = " or ".join(map(repr, scopes))
+        detail = f"This needs a key with the scope {named}, which your key does not have."
         raise problems.Problem(interface.SCOPE_MISSING, detail)
 
 
 @dataclass(frozen=True)
 class Needs:
-    """The scope that an operation needs: checked before the body is read (operations.py)."""
+    """The scopes of which an operation needs one: checked before the body is read (operations.py)."""
 
-    scope: Scope
+    scopes: tuple[Scope, ...]
 
     async def __call__(self, caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
         return caller
@@ -186,8 +192,9 @@ def _unauthenticated(detail: str) -> problems.Problem:
 
 
 Anybody = Annotated[Caller, Depends(get_caller)]  # with any key
-Reader = Annotated[Caller, Depends(Needs("read"))]
-Uploader = Annotated[Caller, Depends(Needs("upload"))]
-Calibrator = Annotated[Caller, Depends(Needs("calibrate"))]
-Publisher = Annotated[Caller, Depends(Needs("publish"))]
-Admin = Annotated[Caller, Depends(Needs("admin"))]
+Reader = Annotated[Caller, Depends(Needs(("read",)))]
+Uploader = Annotated[Caller, Depends(Needs(("upload",)))]
+ReaderOrUploader = Annotated[Caller, Depends(Needs(("read", "upload")))]
+Calibrator = Annotated[Caller, Depends(Needs(("calibrate",)))]
+Publisher = Annotated[Caller, Depends(Needs(("publish",)))]
+Admin = Annotated[Caller, Depends(Needs(("admin",)))]

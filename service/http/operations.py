@@ -51,7 +51,7 @@ class Operation(APIRoute):
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
         called = list(list_calls(self.dependant))
-        scopes = [each.scope for each in called if isinstance(each, auth.Needs)]
+        needs = [each for each in called if isinstance(each, auth.Needs)]
         form: Any = self.body_field and self.body_field.field_info.annotation
 
         async def operate(request: Request) -> Response:
@@ -59,8 +59,8 @@ class Operation(APIRoute):
                 await auth.identify(request)
             if self.include_in_schema:
                 _check(request)
-            for scope in scopes:
-                auth.require(request.state.caller, scope)
+            for each in needs:
+                auth.require_any(request.state.caller, each.scopes)
             if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
                 detail = "The body is compressed. Send it as it is, without Content-Encoding."
                 raise problems.Problem(

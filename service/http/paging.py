@@ -3,8 +3,9 @@
 import base64
 import binascii
 import json
-from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Generic, TypeVar
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import fields
+from typing import Annotated, Any, Final, Generic, TypeVar
 
 from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse
@@ -73,11 +74,15 @@ class Paging(Record):
         shape: Callable[[Any], models.Answer],
         *,
         newest_first: bool = False,
+        apart: Collection[str] = (),
     ) -> JSONResponse:
-        """The organisation's rows that have the values asked for."""
-        columns = rows.column_descriptions[0]["entity"].__table__.columns
-        asked = {name: value for name, value in vars(self).items() if name in columns and value is not None}
-        own = rows.filter_by(organisation_id=caller.organisation_id, **asked)
+        """The organisation's rows that have the values asked for; `rows` see to the fields named `apart`."""
+        table = rows.column_descriptions[0]["entity"]
+        own = rows.where(table.organisation_id == caller.organisation_id)
+        for name in vars(self).keys() - _FIELDS_OF_PAGES - set(apart):
+            column, asked = getattr(table, name), getattr(self, name)
+            if asked is not None:
+                own = own.where(column == asked)
         return self.send(session, own, lambda found: [*map(shape, found)], newest_first=newest_first)
 
     def send(
@@ -103,5 +108,7 @@ class Paging(Record):
             address = connections.address_with(self.request, cursor=cursor)
         return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
 
+
+_FIELDS_OF_PAGES: Final = frozenset(each.name for each in fields(Paging))
 
 UsesPaging = Annotated[Paging, Depends()]

@@ -3,6 +3,7 @@
 import json
 from typing import Annotated, Literal
 
+from fastapi import Depends
 from pydantic import ConfigDict, Field, JsonValue, ValidationError, create_model, model_validator
 
 from radiometry.fitting.evidence import Region
@@ -156,6 +157,10 @@ def read_roi(body: NewRoi) -> Drawing:
         return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
     polygon = parse_imagej(body.imagej or "")
     return Drawing(polygon=polygon, corners=polygon.points)
+
+
+NewDrawing = Annotated[Drawing, Depends(read_roi)]
+"""The region of a body, read before the rows that it changes are locked."""
 
 
 def read_grid(asked: NewGrid) -> tuple[Grid, LaneGrid | None]:

@@ -108,16 +108,23 @@ def get_road_site(road: lookup.Own[Road]) -> Response:
     return GeoJson(drop_absent(geojson.write_site(decode(site.Site, road.site))))
 
 
-@router.put("/{road_id}/site.geojson", response_model=schemas.RoadAnswer)
-def put_road_site(
-    road: lookup.Locked[Road], body: schemas.SiteFeatures, caller: auth.Calibrator, session: Session
-) -> changes.Reply:
-    """State the site as GeoJSON, as its GET writes it: x = 0, y = 0 is then the first luminaire."""
+def _read_site(body: schemas.SiteFeatures) -> schemas.RoadChange:
+    """Read the site before the road is locked."""
     read = drop_absent(encode(geojson.read_site(body.model_dump())))
     try:
-        stated = schemas.RoadChange.model_validate({"site": read})
+        return schemas.RoadChange.model_validate({"site": read})
     except ValidationError as error:
         raise invalid(located(error, "body")) from None
+
+
+@router.put("/{road_id}/site.geojson", response_model=schemas.RoadAnswer)
+def put_road_site(
+    road: lookup.Locked[Road],
+    stated: Annotated[schemas.RoadChange, Depends(_read_site)],
+    caller: auth.Calibrator,
+    session: Session,
+) -> changes.Reply:
+    """State the site as GeoJSON, as its GET writes it: x = 0, y = 0 is then the first luminaire."""
     return changes.Reply(status=200, body=_write(session, road, stated, caller))
 
 
@@ -172,14 +179,15 @@ def get_road_points(road: lookup.Own[Road]) -> Response:
 
 @router.post("/{road_id}/placement", response_model=schemas.PlacementAnswer, dependencies=stateless)
 def place_road_frame(
-    road: lookup.Own[Road], body: schemas.RoadFrame, caller: auth.Reader, session: Session
+    road: lookup.Own[Road], body: schemas.RoadFrame, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """Preview the place of a frame by these marks, or by its own position, without stating them."""
     stated = body.model_dump(mode="json", exclude_none=True)
-    frame = lookup.owned(session, FrameRow, body.frame_id, caller)
-    header, over = require_header(frame), decode(site.Site, road.site)
-    named = plan_placement(session, FrameClocks(session), frame, stated, over)
-    geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
+    with context.database.reading() as session:
+        frame = lookup.owned(session, FrameRow, body.frame_id, caller)
+        header, over = require_header(frame), decode(site.Site, road.site)
+        named = plan_placement(session, FrameClocks(session), frame, stated, over)
+        geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     placed = read_placement(named, geometry, over, **size)
     grid = lay_points(over, rules.find_rule(road.requirement["rule"]).grid)
@@ -243,14 +251,16 @@ def get_road_map(row: UsesResult, request: Request, context: UsesContext) -> Res
 
 @router.get("/{road_id}/plan", response_model=schemas.RoadPlanAnswer)
 def plan_road(
-    road: lookup.Own[Road], wanted: Annotated[schemas.WantedPlan, Query()], session: Session
+    road: lookup.Own[Road], wanted: Annotated[schemas.WantedPlan, Query()], context: UsesContext
 ) -> Response:
     """Plan the control points and exposure times that are expected to reach these uncertainties."""
-    return answer_plan(session, road, wanted).respond()
+    return answer_plan(context, road, wanted).respond()
 
 
-def answer_plan(session: Session, road: Road, wanted: schemas.WantedPlan) -> models.Answer:
-    plan = plan_points(_state_road(session, road), **wanted.model_dump())
+def answer_plan(context: Context, road: Road, wanted: schemas.WantedPlan) -> models.Answer:
+    with context.database.reading() as session:
+        stated = _state_road(session, road)
+    plan = plan_points(stated, **wanted.model_dump())
     answer: models.Answer = schemas.RoadPlanAnswer.restate(plan)
     return answer
 

@@ -3,6 +3,7 @@
 import pytest
 from rich.console import Console
 
+from demo import __main__
 from demo.__main__ import play
 from demo.journey import Display, Stage
 from radiometry.methods import METHODS
@@ -65,3 +66,16 @@ def test_the_second_time_finds_the_same_truth_and_changes_nothing(live, tmp_path
             tables.append(shown[shown.index("vignetting beside") :])
         assert tables[0] == tables[1]
         assert len(list(team.client.campaigns())) == 1
+
+
+@pytest.mark.parametrize("was_there", [True, False])
+def test_only_a_folder_that_the_demo_made_is_removed(tmp_path, monkeypatch, was_there):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("STILB_DATA", raising=False)
+    monkeypatch.delenv("METHOD", raising=False)
+    monkeypatch.setattr(__main__.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(__main__, "_run", lambda *_, **__: 0)
+    if was_there:
+        (tmp_path / "stilb-data").mkdir()
+    assert __main__.main() == 0
+    assert [each.name for each in tmp_path.iterdir()] == ["stilb-data"] * was_there

@@ -1,5 +1,6 @@
 """Who may: keys, scopes, and organisations that do not see each other."""
 
+import re
 from datetime import timedelta
 
 import pytest
@@ -52,6 +53,20 @@ def test_a_scope_that_is_missing_is_named(house):
             assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing"), answer.text
             assert "needs a key with the scope" in answer.json()["detail"]
 
+
+def test_a_scope_is_missing_whether_or_not_there_is_such_a_row(house):
+    """The scope is judged first, at every address: what a key may not do tells nothing of what there is."""
+    with house.with_scopes("publish") as weak:
+        for path, operations in house.get("/openapi.json")["paths"].items():
+            for method in operations:
+                if "{" not in path or path.startswith(_OF_ANY_KEY) or path.endswith(_NEED_PUBLISH):
+                    continue
+                answer = weak.request(method, re.sub(r"\{\w+\}", "1", path))
+                assert answer.status_code == 403, (method, path, answer.text)
+
+
+_OF_ANY_KEY = ("/v1/sessions", "/v1/uploads")
+_NEED_PUBLISH = ("/publish", "/revoke", "/confirm")
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
 PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}

@@ -1,6 +1,12 @@
 """A list leaves only what was asked for, page after page."""
 
+from types import SimpleNamespace
+
 import pytest
+from sqlalchemy import select
+
+from service.http.paging import Paging
+from store.tables import Camera
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +38,14 @@ def lists(sqlite_house):
 )
 def test_a_list_has_only_what_was_asked_for(lists, path, count):
     assert len(lists.get(path).json()["items"]) == count
+
+
+def test_a_field_that_the_rows_do_not_have_is_not_passed_over():
+    class Misnamed(Paging):
+        colour: str | None = None
+
+    with pytest.raises(AttributeError, match="colour"):
+        Misnamed(request=None).send_own(None, SimpleNamespace(organisation_id="org_1"), select(Camera), str)
 
 
 def test_the_next_page_is_asked_for_in_the_same_way(lists):

@@ -8,11 +8,15 @@ import unicodedata
 import pytest
 from fastapi.testclient import TestClient
 
+from radiometry.findings import InputRejected
 from service.http import auth, middleware
 from service.http.counts import LONGEST_WAIT_S, Attempts
 from service.http.middleware import MAX_BODY_BYTES, STRANGER_BYTES
+from store.database import Database
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
+TRIANGLE = [[0, 0], [9, 0], [0, 9]]
+SITE_FEATURES = {"type": "FeatureCollection", "coordinates": "m", "features": []}
 
 
 @pytest.fixture(scope="module")
@@ -220,6 +224,27 @@ def test_names_are_the_same_however_their_letters_are_put_together(house):
     campaign = house.campaign()
     frame = house.upload(campaign, b"of a Mac", role="light", scene=apart)
     assert frame["scene"] == unicodedata.normalize("NFC", apart)
+
+
+@pytest.mark.parametrize(
+    ("reader", "method", "path", "body"),
+    [
+        ("radiometry.road.geojson.read_site", "PUT", "/v1/roads/1/site.geojson", SITE_FEATURES),
+        ("radiometry.frame.roi.Polygon.from_points", "PUT", "/v1/campaigns/1/roi", {"polygon": TRIANGLE}),
+        ("radiometry.frame.roi.Polygon.from_points", "PUT", "/v1/frames/1/roi", {"polygon": TRIANGLE}),
+        ("radiometry.frame.roi.Polygon.from_points", "POST", "/v1/frames/1/region", {"polygon": TRIANGLE}),
+    ],
+)
+def test_a_body_is_read_before_the_database_is_locked(house, monkeypatch, reader, method, path, body):
+    waited_for = Database(str(house.database.url), answer_within_s=0.5)
+
+    def write_meanwhile(_):
+        with waited_for.writing("test"):
+            raise InputRejected("roi_invalid", "reached")
+
+    monkeypatch.setattr(reader, write_meanwhile)
+    assert house.ask(method, path, json=body, status=422)["detail"] == "reached"
+    waited_for.dispose()
 
 
 def test_an_unknown_address_and_a_wrong_method(house):
