@@ -79,18 +79,6 @@ def test_frames_of_another_day_wait_to_be_included(team, campaign, page, files, 
     assert len(names_of(team, campaign)) == 4
 
 
-# every pause before a file is sent again [ms], shortened
-NOTE_PAUSES = """() => {
-    const set = window.setTimeout;
-    window.pauses = [];
-    window.setTimeout = (work, ms, ...more) => {
-        const again = String(work).includes("this.again");
-        if (again) pauses.push(ms);
-        return set(work, again ? 50 : ms, ...more);
-    };
-}"""
-
-
 def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_path):
     large = write_frame(tmp_path / "level-1-large.DNG", shape=(1000, 1500))
     campaign = team.campaign()
@@ -102,13 +90,9 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         page.on("request", lambda asked: asked.method == "PATCH" and pieces.append(asked.headers))
         # a browser sends again by itself what broke once
         line.cut_after, line.stays_cut = large.stat().st_size // 2, True
-        page.evaluate(NOTE_PAUSES)
         page.get_by_role("button", name="Send 1 file").click()
         expect(page.get_by_text("1 waiting for the connection")).to_be_visible()
         assert line.cuts > 0
-        # it looks again soon, however often it has
-        page.wait_for_function("() => pauses.length >= 4")
-        assert page.evaluate("pauses.slice(0, 4)") == [1000, 2000, 2000, 2000]
         assert names_of(team, campaign) == []
         line.cut_after = None
         expect(page.get_by_text("1 of 1 received")).to_be_visible()
@@ -122,6 +106,36 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
     with team.http() as http:
         (frame,) = http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"]
         assert http.get(f"/v1/frames/{frame['id']}/content").content == large.read_bytes()
+
+
+def test_without_a_connection_one_file_looks_for_it_for_all(page, team, files):
+    campaign = team.campaign()
+    page.goto(f"/campaigns/{campaign.id}")
+    choose(page, files)
+    expect(page.get_by_text("all compared")).to_be_visible()
+    failed = []
+    page.on("requestfailed", lambda asked: asked.method == "POST" and failed.append(asked.url))
+    page.context.set_offline(True)
+    page.get_by_role("button", name=re.compile("^Send [0-9]+ files")).click()
+    expect(page.get_by_text(f"{len(files)} waiting for the connection")).to_be_visible()
+    page.wait_for_timeout(5000)
+    # the first two, and another every two seconds
+    assert 3 <= len(failed) <= 5
+    page.context.set_offline(False)
+    expect(page.get_by_text(f"{len(files)} of {len(files)} received")).to_be_visible()
+    page.context.complaints.clear()
+
+
+def test_files_that_are_chosen_without_a_connection_are_compared_when_it_is_back(page, team, files):
+    page.goto(f"/campaigns/{team.campaign().id}")
+    settle(page)
+    page.context.set_offline(True)
+    choose(page, files)
+    page.get_by_role("button", name=re.compile("^Send [0-9]+ files")).click()
+    expect(page.get_by_text("The service does not answer")).to_be_visible()
+    page.context.set_offline(False)
+    expect(page.get_by_text(f"{len(files)} of {len(files)} received")).to_be_visible()
+    page.context.complaints.clear()
 
 
 def test_a_connection_that_has_died_without_a_word_is_given_up(page, team, files):

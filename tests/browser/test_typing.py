@@ -103,7 +103,26 @@ def test_a_field_edits_one_reading_and_a_repeat_is_asked_for(page, team, service
         put(page, "Luminance of Scene 2 ", wrong)
         expect(page.get_by_role("alert").filter(has_text=told)).to_be_visible()
         expect(page.get_by_label("Luminance of Scene 2 ")).to_have_value(wrong)
+        # below the field, as wide as the head of the row
+        expect(head(page, "Scene 2").locator("> .act-failed")).to_be_visible()
     assert list(stored(team, campaign)) == ["Scene 1"]
+
+
+@pytest.mark.parametrize("context", ["phone"], indirect=True)
+def test_a_meter_that_is_refused_says_why_where_it_is_seen(page, team, service):
+    come(page, begin(service, team))
+    page.get_by_label("Meter of typed readings").select_option("Register a meter…")
+    dialog = page.get_by_role("dialog")
+    meter = {"Make": "Konica Minolta", "Model": "LS-150", "Serial number": "30011942", "Laboratory": "PTB"}
+    for label, text in meter.items():
+        dialog.get_by_label(label, exact=True).fill(text)
+    register = dialog.get_by_role("button", name="Register")
+    register.click()
+    expect(dialog.get_by_role("alert")).to_be_in_viewport(ratio=1)
+    dialog.get_by_label("Laboratory", exact=True).fill("")
+    register.click()
+    expect(dialog).to_have_count(0)
+    expect(head(page, "Scene 1").locator(".reading-row")).to_have_text("cd/m²LS-150")
 
 
 def test_what_is_typed_without_a_connection_or_by_two_people_is_stored_as_meant(page, team, service):
@@ -162,6 +181,8 @@ def test_readings_and_a_lens_that_other_frames_speak_against_are_told_before_the
     expect(page.locator(".cell.warn")).to_have_count(4)
     look(page, "typing-off")
     check_access(page)
+    line.get_by_role("link", name="Enter readings").click()
+    expect(page.get_by_label("Luminance of Scene 4 ")).to_be_focused()
     page.get_by_role("button", name="Fit K").click()
     expect(page.locator(".act-failed")).to_contain_text("its frames say 1.3")
     said = head(page, "Scene 5").get_by_role("alert")

@@ -282,7 +282,9 @@ export async function act(button, action) {
   } catch (error) {
     const said = failed(error);
     said.classList.add("act-failed");
-    (button.closest(".actions, td") ?? button).after(said);
+    (button.closest(".actions, td, .reading-row") ?? button).after(said);
+    // a long dialog has its buttons at its lower edge
+    said.scrollIntoView({ block: "nearest" });
     return undefined;
   } finally {
     button.ariaDisabled = button.ariaBusy = null;

@@ -43,7 +43,7 @@ function stages(state) {
     region(state),
     method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacksReadings ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${counted(campaign.readings, "reading")}, ${counted(scenes.length, "scene")}` : "none yet"]) : null,
     method.has_checklist && !method.measures ? stage("checklist", list?.signature && !list.signature.changed ? "good" : "wait", "Checklist", [list?.signature ? (list.signature.changed ? "changed since it was signed" : "signed") : list ? `${list.done} of ${list.done + list.open} done` : "by section"]) : null,
-    method.measures ? stage("measure", "good", "Measured", [`${number(campaign.measured)} field frames`, "never used to calibrate"]) : stage("calibrate", fitted ? "good" : ready.count ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : ready.said]),
+    method.measures ? stage("measure", campaign.measured ? "good" : "wait", "Measured", [campaign.measured ? counted(campaign.measured, "field frame") : "none yet", "never used to calibrate"]) : stage("calibrate", fitted ? "good" : ready.count ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : ready.said]),
   ]);
 }
 

@@ -140,8 +140,8 @@ const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
 /** Longer than what a slow line holds under way needs. */
 const SILENT_MS = 120000;
-/** A service that is not there cannot be overrun; once it is back, it is found soon. */
-const LONGEST_OFFLINE_MS = 2000;
+/** Without a connection it is looked for so often, by one file for all. */
+const LOOK_AGAIN_MS = 2000;
 const ASK_AT_MOST = 1000;
 const ASK_TOGETHER = 50;
 export const OPEN = ["hashing", "asking", "waiting", "sending", "retrying"];
@@ -175,7 +175,7 @@ export class UploadQueue extends EventTarget {
       const key = `${name} ${file.size} ${file.lastModified}`;
       const known = this.items.find((item) => item.key === key) ?? this.lost(file, name);
       if (known) {
-        if (known.state === "lost") this.find(known, file);
+        if (known.state === "lost") this.takeBack(known, file);
         continue;
       }
       const item = { key, name, file, size: file.size, modified: file.lastModified, state: "hashing", sent: 0, ...(said.role ? { ...said, edited: true } : judge(name)) };
@@ -288,7 +288,7 @@ export class UploadQueue extends EventTarget {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id, attempts: 0 });
-      this.lostSince = undefined;
+      this.find();
       // of a line that breaks, what it carries in a second may be lost
       this.width = Date.now() - begunAt < QUICK_MS ? Math.min(this.width + 1, MOST_AT_ONCE) : AT_ONCE;
       await this.journal.remove(item.key);
@@ -303,6 +303,7 @@ export class UploadQueue extends EventTarget {
   failed(item, error) {
     if (!item.upload) item.sent = 0;
     item.error = error.message;
+    if (error.code !== "offline") this.find();
     if (!error.retryable) {
       Object.assign(item, { state: "failed", armed: false });
       this.refuse(item, error);
@@ -310,10 +311,29 @@ export class UploadQueue extends EventTarget {
     }
     item.state = "retrying";
     this.width = AT_ONCE;
-    if (error.code === "offline") this.lostSince ??= Date.now();
+    if (error.code === "offline") return this.lose();
     item.attempts = (item.attempts ?? 0) + 1;
-    const pause = Math.min(1000 * 2 ** (item.attempts - 1), error.code === "offline" ? LONGEST_OFFLINE_MS : LONGEST_PAUSE_MS);
-    item.timer = setTimeout(() => (this.again(item), this.pump()), pause);
+    item.timer = setTimeout(() => (this.again(item), this.pump()), Math.min(1000 * 2 ** (item.attempts - 1), LONGEST_PAUSE_MS));
+  }
+
+  /** The connection is lost: all wait, and one file at a time looks for it. */
+  lose() {
+    this.lostSince ??= Date.now();
+    for (const each of this.items) if (each.state === "waiting") each.state = "retrying";
+    this.looking ??= setInterval(() => {
+      const first = this.items.find((each) => each.state === "retrying");
+      if (!first || this.items.some((each) => each.state === "sending")) return;
+      this.again(first);
+      this.pump();
+    }, LOOK_AGAIN_MS);
+  }
+
+  /** The service answers. */
+  find() {
+    if (!this.looking) return;
+    clearInterval(this.looking);
+    this.looking = this.lostSince = undefined;
+    for (const each of this.items) this.again(each);
   }
 
   again(item) {
@@ -335,8 +355,14 @@ export class UploadQueue extends EventTarget {
   }
 
   hash(item) {
-    this.hashers ??= startHasher((id, found) => this.hashed(id, found));
+    this.hashers ??= startHasher((id, found) => this.hashed(id, found), () => this.hashAgain());
     this.hashers.postMessage({ id: item.key, file: item.file });
+  }
+
+  /** Without a connection the worker itself did not come. */
+  hashAgain() {
+    this.hashers = undefined;
+    setTimeout(() => this.items.filter((item) => item.state === "hashing").forEach((item) => this.hash(item)), LOOK_AGAIN_MS);
   }
 
   hashed(key, { sha256, error }) {
@@ -381,7 +407,7 @@ export class UploadQueue extends EventTarget {
     return this.items.find((item) => item.state === "lost" && item.size === file.size && item.modified === file.lastModified && item.name.split("/").at(-1) === own);
   }
 
-  find(item, file) {
+  takeBack(item, file) {
     Object.assign(item, { file, state: item.sha256 ? "waiting" : "hashing", armed: true });
     if (item.sha256) this.pump();
     else this.hash(item);
@@ -412,8 +438,9 @@ function hold(name) {
   });
 }
 
-function startHasher(take) {
+function startHasher(take, failed) {
   const worker = new Worker(new URL("./hash-worker.js", import.meta.url), { type: "module" });
   worker.onmessage = ({ data: { id, ...found } }) => take(id, found);
+  worker.onerror = failed;
   return worker;
 }

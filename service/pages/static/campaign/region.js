@@ -171,7 +171,7 @@ function savePart(state, editor, frameOf) {
   const forAll = async () => {
     await put(`${state.path}/roi`, read());
     const { own } = countOwn(state.frames);
-    await saved(`The region is set; ${own ? `frames without their own region are recomputed, ${own} keep theirs` : "every frame is recomputed"}.`);
+    await saved(`The region is set; ${own ? `frames without their own region are recomputed, ${own} ${own === 1 ? "keeps its own" : "keep theirs"}` : "every frame is recomputed"}.`);
   };
   const forOne = async () => {
     const frame = frameOf();

@@ -74,8 +74,8 @@ function fieldOf(row, book, reading, place, doubt) {
   let seen = reading ?? (place ? undefined : null);
   const store = async () => (seen = (await book.put(row.value, input.value, seen)) ?? seen);
   input.addEventListener("change", () => act(input, () => book.inTurn(store)));
-  const meter = nameOfMeter(book.meters.find((each) => each.id === (reading ?? book).meter_id));
-  return h("div", { class: "reading-row" }, place ? h("span", { class: "small muted" }, place) : null, input, h("span", { class: "unit" }, written(unit)), h("span", { class: "small muted nowrap" }, [meter?.split(" ").slice(1, -1).join(" "), reading?.taken_at?.slice(11, 16)].filter(Boolean).join(", ")));
+  const meter = book.meters.find((each) => each.id === (reading ?? book).meter_id);
+  return h("div", { class: "reading-row" }, place ? h("span", { class: "small muted" }, place) : null, input, h("span", { class: "unit" }, written(unit)), h("span", { class: "small muted nowrap" }, [meter?.model, reading?.taken_at?.slice(11, 16)].filter(Boolean).join(", ")));
 }
 
 const note = (kind, said, ...buttons) => h("div", { class: `scene-note ${kind}`, role: "alert" }, h("p", {}, said), h("p", { class: "scene-line" }, buttons));

@@ -217,8 +217,8 @@ export function typing({ body, book, lines, bring, leave }) {
   return {
     press,
     go: (line) => go(line?.row.value),
-    /** The first scene without a reading in the order of the rows, whatever of them is drawn; else the first one. */
-    first: () => go(scenesRead().find(isDue) ?? scenesRead()[0]),
+    /** The first scene without a reading in the order of the rows, or with one that its frames speak against, whatever of them is drawn; else the first one. */
+    first: () => go(scenesRead().find(isDue) ?? scenesRead().find((scene) => book.doubtOf(scene)) ?? scenesRead()[0]),
     paste: () => paste({}),
   };
 }

@@ -270,7 +270,7 @@ function summary(state, queue, given) {
   return [
     h("div", { class: "section-head" }, h("h3", {}, h("span", { role: "status" }, title)), h("p", {}, rest)),
     moving.length ? h("progress", { max: total || 1, value: done, "aria-label": "Sent" }) : null,
-    retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending goes on by itself; you may close this page and come back.`) : null,
+    retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending continues automatically; you can close this page and come back.`) : null,
     queue.refusal ? refusalOf(state, queue) : null,
     notes.length ? h("p", { class: "muted small" }, notes.join(" · ")) : null,
     h("p", { class: "actions" },

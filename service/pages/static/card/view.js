@@ -249,7 +249,7 @@ function cameraCard({ found: { camera, cameras }, inForce }) {
   return h("div", { class: "card" },
     h("p", { class: "panel-title" }, "Camera"),
     h("p", { class: "spread" }, h("strong", {}, nameOf(camera)), camera.known ? tag("known", "good") : tag("new", "live")),
-    h("p", { class: "small muted" }, cameras.length === 1 ? `All ${counted(camera.frames.length, "header")} agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
+    h("p", { class: "small muted" }, cameras.length === 1 && camera.frames.length > 1 ? `All ${camera.frames.length} headers agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
   );
 }
 
