@@ -131,9 +131,9 @@ class Panel(Record):
             at, text = self.x(tick), self.x.label(tick)
             parts.append(f'<path class="tick" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
             # a text that would lie over the one before is left out
-            if at - 3.5 * len(text) > taken:
+            if at - 4.0 * len(text) > taken:
                 parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{escape(text)}</text>')
-                taken = at + 3.5 * len(text)
+                taken = at + 4.0 * len(text)
         for tick in self.y.ticks():
             at = self.y(tick)
             parts.append(f'<path class="tick" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')

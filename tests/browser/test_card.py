@@ -360,4 +360,5 @@ def test_dropped_card_without_raw_frames_says_what_to_set(page, team, tmp_path):
     assert night.kind == "measurement"
     sent = sorted((frame.filename, frame.role, frame.scene) for frame in team.client.frames(night.id))
     assert sent == [("DJI_1.DNG", "field", None), ("DJI_2.DNG", "field", None)]
+    expect(page.get_by_role("list", name="Stages")).to_contain_text(re.compile("Measured *none yet"))
     look(page, "card-night")

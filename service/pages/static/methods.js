@@ -34,8 +34,11 @@ export const roleLabel = (name) => ROLES.get(name)?.label ?? name;
 /** Every role, as the options of a list: those of the method first; in a night, its only one. */
 export const roleOptions = (method) => [...new Set([...method.roles.map((role) => role.name), ...(method.measures ? [] : ROLES.keys())])].map((name) => [name, roleLabel(name)]);
 
+/** The day of its first frame, which is mostly that of the flight. */
+export const startOf = (campaign) => day(campaign.started_at ?? campaign.created_at);
+
 /** A campaign's name: its project number, or what it is and when it was begun. */
-export const titleOf = (campaign) => campaign.project_number ?? `${kindOf(campaign)}, ${day(campaign.created_at)}`;
+export const titleOf = (campaign) => campaign.project_number ?? `${kindOf(campaign)}, ${startOf(campaign)}`;
 
 /** Of one that is known by its id. */
 export function nameOf(campaigns, id) {

@@ -3,6 +3,7 @@
 import math
 import re
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import pytest
 
@@ -53,6 +54,16 @@ def test_one_value_lies_in_the_middle_and_its_axis_has_texts(ys, logarithmic):
     else:
         assert {round(x) for x, _ in places(drawn)} == {310}
         assert min(y for _, y in places(drawn)) > 10.0
+
+
+def test_texts_of_a_narrow_axis_do_not_touch():
+    marks = tuple(mark(x, 1.0) for x in (40.0, 3000.0))
+    axis = Axis(label="signal", logarithmic=True)
+    drawn = draw(Figure(x=axis, y=Y, series=(Series(marks=marks),)), (60.0, 10.0, 250.0, 150.0))
+    found = re.findall(r'class="mid" x="([\d.]+)" y="\d[^>]*>(\d+)<', drawn)
+    ends = [(float(x) - 4.0 * len(text), float(x) + 4.0 * len(text)) for x, text in found]
+    assert len(ends) >= 3
+    assert all(end < start for (_, end), (start, _) in pairwise(ends))
 
 
 def test_what_has_no_place_on_a_logarithmic_axis_breaks_the_line_and_is_not_drawn():

@@ -63,7 +63,7 @@ function budgetOf({ budget, coefficient }, found) {
   const rows = budget.filter((row) => row.u_rel > 0).sort((a, b) => b.u_rel - a.u_rel);
   const whole = Math.hypot(...rows.map((row) => row.u_rel));
   const lowered = rows.map((row) => {
-    const [title, left, frames] = LOWERED[row.source] ?? (row.kind === "A" ? ["Twice as many frames and readings", Math.SQRT1_2, true] : [`Half of ${row.source}`, 0.5]);
+    const [title, left, frames] = LOWERED[row.source] ?? (row.kind === "A" ? ["Twice as many frames and readings", Math.SQRT1_2, true] : [`Half the uncertainty of ${row.source}`, 0.5]);
     return [title, Math.sqrt(whole ** 2 - (1 - left ** 2) * row.u_rel ** 2), frames && may("upload") ? smallLink("Add frames", `/campaigns/${found.campaign_id}`) : null];
   });
   for (const { f_number: f, luminance_k: k, luminance_k_standard_uncertainty: u } of coefficient.apertures ?? []) lowered.push([`Measure at f/${number(f, 3)} alone: its own K is used`, u / k, may("upload") ? smallLink("Measure", "/measurements/new") : null]);

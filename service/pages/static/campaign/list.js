@@ -2,8 +2,7 @@
 
 import { all } from "../api.js";
 import { byId, empty, fill, h, load, may, table } from "../dom.js";
-import { day } from "../format.js";
-import { isNight, kindOf, labelOf } from "../methods.js";
+import { isNight, kindOf, labelOf, startOf } from "../methods.js";
 
 const found = Promise.all([all("/v1/campaigns"), all("/v1/cameras")]).then(([campaigns, cameras]) => ({ campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) }));
 
@@ -43,7 +42,7 @@ function rows(campaigns, cameras, caption) {
       { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
       { head: "Recorded by", cell: (each) => each.recorder ?? "–" },
       { head: "Place", cell: (each) => each.place ?? "–" },
-      { head: "Started", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
+      { head: "Started", class: "nowrap", cell: startOf },
     ],
     campaigns,
     { caption, stack: true },

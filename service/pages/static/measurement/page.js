@@ -4,7 +4,7 @@ import { get } from "../api.js";
 import { field } from "../ask.js";
 import { drawFindings } from "../causes.js";
 import { act, budgetBar, byId, empty, failed, figure, fill, h, load, may, prose, segments, svg, table } from "../dom.js";
-import { number, percent, quantity, relative, shortly, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
+import { capital, number, percent, quantity, relative, shortly, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
 import { MapView, drawGrid, loadMap, scaleTools } from "./map.js";
 import { measureOne, regionPart } from "./region.js";
@@ -280,7 +280,7 @@ function drawBetter({ to_do_better: sentences, findings }) {
 /** An error of the field: its factor or what was subtracted, and why. */
 function drawCorrection({ source, factor, offset_cd_m2: offset, basis }) {
   const made = factor === 1 && !offset ? "" : `${[factor === 1 ? "" : `× ${number(factor, 4)}`, offset ? `− ${number(offset, 3)} cd/m²` : ""].filter(Boolean).join(" ")}: `;
-  return [h("dt", {}, words(source)), h("dd", {}, typeset(`${made}${basis}`))];
+  return [h("dt", {}, capital(words(source))), h("dd", {}, typeset(`${made}${basis}`))];
 }
 
 function drawBudget({ budget, mean }) {

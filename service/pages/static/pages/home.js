@@ -26,7 +26,7 @@ function startCard(zone, place, rest) {
     if (!chosen.length) return;
     reading?.abort();
     const { signal } = (reading = new AbortController());
-    const [count, bar] = [h("strong", { role: "status" }), h("progress", { value: 0, max: 1, "aria-label": "Headers read" })];
+    const [count, bar] = [h("strong", { role: "status" }, "Reading the files"), h("progress", { value: 0, max: 1, "aria-label": "Headers read" })];
     show(h("div", { class: "card" }, h("p", { class: "spread" }, count, h("button", { type: "button", class: "small-button", onclick: cancel }, "Stop")), bar));
     const begun = performance.now();
     const onProgress = (done, of) => {

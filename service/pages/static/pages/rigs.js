@@ -3,7 +3,8 @@
 import { all, get, post } from "../api.js";
 import { about, field } from "../ask.js";
 import { act, byId, empty, h, leave, load, may, table, wrong } from "../dom.js";
-import { day, inOrder, time } from "../format.js";
+import { inOrder, time } from "../format.js";
+import { startOf } from "../methods.js";
 
 const { method } = document.querySelector("main").dataset;
 const wanted = new URLSearchParams(location.search).get("campaign");
@@ -33,7 +34,6 @@ if (may("calibrate")) {
 }
 
 const serialOf = (camera) => h("span", { class: "mono" }, camera.serial);
-const startOf = (campaign) => day(campaign.started_at ?? campaign.created_at);
 
 function form(campaigns, known) {
   const first = campaigns.find((each) => each.id === wanted) ?? campaigns[0];
