@@ -19,7 +19,7 @@ if (create && from) act(create, async () => createRoad(await get(`/v1/measuremen
 const place = byId("roads");
 if (place) {
   load(place, () => all("/v1/roads"), (roads) => {
-    if (!roads.length) return empty("No roads yet", "State its site here, with stilb road, or over the API.", h("a", { class: "button", href: "/docs/command-line" }, "Manual"));
+    if (!roads.length) return empty("No roads yet", "State the site of a road here, with stilb road, or over the API.", h("a", { class: "button", href: "/docs/command-line" }, "Manual"));
     const columns = [
       { head: "Road", header: true, cell: (road) => h("a", { href: `/roads/${road.id}` }, road.name) },
       { head: "Class", cell: (road) => road.requirement.road_class },
