@@ -24,7 +24,7 @@ from radiometry.fitting.comparison import Budgeted, compare_measured
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import FrameEvidence, Quantity, Region
 from radiometry.fitting.sources import SCATTER
-from radiometry.frame.exposure import Settings
+from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import (
     GainMeasurement,
     SunshineCounts,
@@ -38,7 +38,7 @@ from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.fit import fit_geometry, list_coefficients
 from radiometry.geometry.results import Params as GeometryParams
 from radiometry.geometry.target import Target, locate_corners_mm
-from radiometry.luminance import corrections, pixels
+from radiometry.luminance import corrections
 from radiometry.luminance import method as luminance
 from radiometry.luminance.application import AppliedLuminance, Effect
 from radiometry.luminance.fit import compute_risk
@@ -234,7 +234,14 @@ def _mean(count: int) -> Regime:
     """Lamps of any depth on 50 Hz at 1/60 s, whose phase nobody knows."""
     time_s = 1 / 60
     half = abs(math.sin(100 * math.pi * time_s)) / (100 * math.pi * time_s)
-    expected = corrections.estimate_flicker(time_s, 50.0, modulation=(0.0, 1.0))[1]
+    settings = Settings(exposure_time_s=time_s, f_number=4.0, iso=3200.0)
+    flicker, _ = corrections.correct_flicker(FieldConditions(mains_frequency_hz=50.0), settings, frames=count)
+    camera = CalibratedCamera(
+        exposure=Exposure(exposure_time_s=time_s, f_number=4.0, iso=3200.0),
+        coefficient=dataclasses.replace(COEFFICIENT, dark_signal_dn=0.0, frame_scatter_rel=None),
+        lens=None,
+        corrections=(flicker,),
+    )
 
     def work(random: Random) -> Iterator[Drawn]:
         depth = random.uniform() * half
@@ -251,15 +258,16 @@ def _mean(count: int) -> Regime:
             )
             for each in shown.tolist()
         ]
-        found = pixels.evaluate_scatter(signals, dark_signal_dn=0.0, expected_rel=math.hypot(expected, 0.01))
-        u = math.hypot(found.rel, 0.5 / 300) / math.sqrt(count)
-        yield Drawn(shown.mean() / 300 - 1.0, u, coverage_factor(found.dof) * u, depth / math.sqrt(2 * count))
+        mean = camera.average(signals)
+        u = math.hypot(mean.frames.rel, mean.corrections[0].u_rel, 0.5 / 300 / math.sqrt(count))
+        factor = coverage_factor(mean.frames.dof)
+        yield Drawn(shown.mean() / 300 - 1.0, u, factor * u, depth / math.sqrt(2 * count))
 
     return work
 
 
 for count in (2, 3, 4):
-    regime(f"mean of {count} frames under flicker", draws=2000)(_mean(count))
+    regime(f"mean of {count} frames under flicker", draws=20000)(_mean(count))
 
 
 def _flicker(kind: LampKind, time_s: float) -> Regime:

@@ -358,14 +358,16 @@ def _ordinary_variance(linear: LinearModel) -> float:
 EXPECTED_DOF = 4.0
 
 
-def estimate_variance(squares: float, dof: float, *, expected: float) -> tuple[float, float]:
+def estimate_variance(
+    squares: float, dof: float, *, expected: float, expected_dof: float = EXPECTED_DOF
+) -> tuple[float, float]:
     """Return the variance of few values and its degrees of freedom, by the size that is expected of it.
 
-    With a scaled inverse chi-square prior of nu_0 = 4 degrees of freedom and the size s_0^2 [1]::
+    With a scaled inverse chi-square prior of nu_0 degrees of freedom and the size s_0^2 [1]::
 
         s^2 = (nu_0 s_0^2 + sum of squares) / (nu_0 + dof)        with nu_0 + dof degrees of freedom
 
     [1] A. Gelman et al., Bayesian Data Analysis, 3rd ed., Chapman & Hall 2013, section 2.6
     """
-    freedom = EXPECTED_DOF + dof
-    return (EXPECTED_DOF * expected + squares) / freedom, freedom
+    freedom = expected_dof + dof
+    return (expected_dof * expected + squares) / freedom, freedom

@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
-from radiometry.fitting.sources import estimate_variance
+from radiometry.fitting.sources import EXPECTED_DOF, estimate_variance
 from radiometry.frame import Frame, roi, statistics
 from radiometry.luminance import codes, maps
 from radiometry.records import Record
@@ -241,6 +241,7 @@ def evaluate_scatter(
     *,
     dark_signal_dn: float,
     expected_rel: float,
+    expected_dof: float = EXPECTED_DOF,
     drift_rel: Values | float = 0.0,
 ) -> Scatter:
     """Evaluate what repeated frames scatter beyond their noise, by what is expected of one.
@@ -252,7 +253,9 @@ def evaluate_scatter(
     level = abs(float(steady.mean())) or 1.0
     noise = float(_list_noise(signals).mean()) / level**2
     squares = float(np.sum((steady - steady.mean()) ** 2)) / level**2
-    variance, dof = estimate_variance(squares, len(signals) - 1.0, expected=expected_rel**2 + noise)
+    variance, dof = estimate_variance(
+        squares, len(signals) - 1.0, expected=expected_rel**2 + noise, expected_dof=expected_dof
+    )
     return Scatter(rel=math.sqrt(max(0.0, variance - noise)), dof=dof)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
-from radiometry.fitting.sources import FLICKER, SCATTER
+from radiometry.fitting.sources import EXPECTED_DOF, FLICKER, SCATTER
 from radiometry.frame import Frame, roi
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography, map_plane
@@ -33,6 +33,8 @@ _OF_CELLS = {
 LEAST_SCATTER_REL: Final = 0.01
 """What repeated frames are expected to scatter at least, until more of them show that they do not."""
 
+# Degrees of freedom of the size that flicker is expected to have: its depth ends where the light goes out
+_FLICKER_DOF: Final = 8.0
 _OF_REPEATS: Final = (FLICKER, pixels.SCATTER)
 _LOCAL: Final = frozenset({FLICKER})  # sources that may err in each cell on its own (see `judge_uniformity`)
 
@@ -367,7 +369,8 @@ class CalibratedCamera(Record, kw_only=False):
         """Return the camera for the mean of repeated frames, by what the signals of one region scatter.
 
         Expected are flicker, the scatter that the fit of K found, and what hardly any shutter and lamp fall
-        short of; what is found is shared out to them as it was expected.
+        short of, with the degrees of freedom of their sum by Welch and Satterthwaite; what is found is shared
+        out to them as it was expected.
         """
         if len(frames) == 1:
             return self
@@ -376,7 +379,10 @@ class CalibratedCamera(Record, kw_only=False):
         flicker = math.hypot(*(each.u_rel for each in self.corrections if each.source == FLICKER)) * root
         expected_rel = math.hypot(own, flicker)
         found = pixels.evaluate_scatter(
-            frames, dark_signal_dn=coefficient.dark_signal_dn, expected_rel=expected_rel
+            frames,
+            dark_signal_dn=coefficient.dark_signal_dn,
+            expected_rel=expected_rel,
+            expected_dof=expected_rel**4 / (own**4 / EXPECTED_DOF + flicker**4 / _FLICKER_DOF),
         )
         factor = found.rel / expected_rel
         return replace(

@@ -8,11 +8,16 @@ import pytest
 
 from radiometry.findings.grouping import advise
 from radiometry.fitting.curve import coverage_factor
+from radiometry.fitting.evidence import FieldCorrection
+from radiometry.fitting.sources import FLICKER
 from radiometry.frame.grid import Grid
+from radiometry.frame.statistics import Signal
 from radiometry.luminance.pixels import SCATTER
+from radiometry.luminance.surface import CalibratedCamera
 from tests.radiometry.luminance.test_measurement import (
     COEFFICIENT,
     CORNERS,
+    EXPOSURE,
     PER_DN,
     flags,
     make_frame,
@@ -81,6 +86,31 @@ def test_changing_light_is_in_the_budget_and_cancels_between_cells():
     for found in (rising.surface.l_av_cd_m2, rising.surface.cells[0][0], rising.median, rising.smallest):
         assert found.standard_uncertainty > expected * 0.9
     assert rising.surface.u_o.standard_uncertainty < 2 * steady.surface.u_o.standard_uncertainty
+
+
+def test_two_frames_under_flicker_by_hand():
+    """Flicker of 3 % has 8 degrees of freedom, the frames' own 1 % has 4; they differ by 6 %."""
+    flicker = FieldCorrection(source=FLICKER, u_rel=0.03 / math.sqrt(2), basis="")
+    camera = CalibratedCamera(
+        exposure=EXPOSURE, coefficient=COEFFICIENT, lens=None, corrections=(flicker,)
+    ).average([signal_of(970.0), signal_of(1030.0)])
+    before = 0.03**2 + 0.01**2
+    dof = before**2 / (0.03**4 / 8 + 0.01**4 / 4)
+    after = (dof * before + 2 * 0.03**2) / (dof + 1)
+    assert camera.frames.dof == pytest.approx(dof + 1) == pytest.approx(10.64, abs=0.005)
+    share = math.sqrt(after / before / 2)
+    assert camera.corrections[0].u_rel == pytest.approx(share * 0.03)
+    assert camera.frames.rel == pytest.approx(share * 0.01)
+
+
+def signal_of(light_dn):
+    return Signal(
+        value_dn=256.0 + light_dn,
+        standard_uncertainty_dn=0.0,
+        saturated_share=0.0,
+        black_level_dn=256.0,
+        white_level_dn=4095.0,
+    )
 
 
 def advise_on(found):
