@@ -218,14 +218,14 @@ def test_every_method_is_drawn():
 
 
 def axes_of(picture):
-    """Of each panel's axes: the label, and each tick's place [px] with the text beside it."""
+    """Of each panel's axes: the label, and each tick's place [px] with the text beside it, if it has one."""
     found = []
     for each, after in itertools.pairwise([*picture, None]):
         if each.get("class") == "box":
             found += [("", []), ("", [])]
             labels = iter((2, 1))
             continue
-        if each.get("class") == "tick":
+        if each.get("class") == "tick" and after.tag == f"{GRAPH}text":
             x, y, across = re.fullmatch(r"M([\d.]+) ([\d.]+)([HV]).*", each.get("d")).groups()
             text = after.text.removeprefix("f/").replace("\N{THIN SPACE}", "")
             found[-2 if across == "V" else -1][1].append((float(x if across == "V" else y), text))
