@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from radiometry.records import Record
 
 Vector = NDArray[np.float64]
 Plane = NDArray[np.float64]
+Planes = NDArray[np.float64]
 
 MOST_BLOCKS = 64
 LEAST_BLOCK_PX = 8
@@ -85,28 +87,47 @@ def _cut(first: int, step: int, size_px: int, block_px: int) -> Axis:
     return Axis(positions=positions.astype(np.float64), starts=starts)
 
 
-def average_radial(
-    rows: Axis, cols: Axis, *, centre_row_px: float, centre_col_px: float, radius_px: float, terms: int = 3
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Average r^2, r^4 ... and their slopes over the pixels of each block; exact, not at its centre.
+class Radial:
+    """Averages of r^2, r^4 ... and their slopes over the pixels of each block; exact, not at its centre.
 
     r^2 = a^2 + b^2, a = (row - centre_row) / R, b = (col - centre_col) / R. Rows and columns of a block are
     independent, so that e.g. <r^4> = <a^4> + 2 <a^2> <b^2> + <b^4>: moments along each axis are enough.
     """
-    a = _moments(rows, centre_row_px, radius_px, 2 * terms)
-    b = _moments(cols, centre_col_px, radius_px, 2 * terms)
-    powers = range(1, terms + 1)
-    means = np.stack([_expand(a[::2], b[::2], power) for power in powers])
-    by_row = np.stack([2.0 * power * _expand(a[1::2], b[::2], power - 1) for power in powers])
-    by_col = np.stack([2.0 * power * _expand(a[::2], b[1::2], power - 1) for power in powers])
-    return means, by_row / -radius_px, by_col / -radius_px
+
+    def __init__(
+        self,
+        rows: Axis,
+        cols: Axis,
+        *,
+        centre_row_px: float,
+        centre_col_px: float,
+        radius_px: float,
+        terms: int = 3,
+    ) -> None:
+        self._a = _moments(rows, centre_row_px, radius_px, 2 * terms)
+        self._b = _moments(cols, centre_col_px, radius_px, 2 * terms)
+        self._radius_px, self._powers = radius_px, range(1, terms + 1)
+
+    @cached_property
+    def means(self) -> Planes:
+        return np.stack([_expand(self._a[::2], self._b[::2], power) for power in self._powers])
+
+    @cached_property
+    def slopes(self) -> tuple[Planes, Planes]:
+        """Derivatives of the means by the centre's row and column [1/px]."""
+        by_row = [2.0 * n * _expand(self._a[1::2], self._b[::2], n - 1) for n in self._powers]
+        by_col = [2.0 * n * _expand(self._a[::2], self._b[1::2], n - 1) for n in self._powers]
+        return np.stack(by_row) / -self._radius_px, np.stack(by_col) / -self._radius_px
 
 
 def _expand(a: Sequence[Vector], b: Sequence[Vector], power: int) -> Plane:
     """Return (a^2 + b^2)^power from the moments of each axis, times a or b where they begin with it."""
-    return np.asarray(
-        sum(math.comb(power, n) * np.multiply.outer(a[n], b[power - n]) for n in range(power + 1))
-    )
+    expanded = a[0][:, None] * b[power]
+    for n in range(1, power + 1):
+        part = a[n][:, None] * b[power - n]
+        part *= math.comb(power, n)
+        expanded += part
+    return expanded
 
 
 def _moments(axis: Axis, centre_px: float, radius_px: float, most: int) -> list[Vector]:

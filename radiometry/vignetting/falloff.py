@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.records import Record
-from radiometry.vignetting.blocks import Axis, Grid, Plane, Vector, average_radial
+from radiometry.vignetting.blocks import Axis, Grid, Plane, Radial, Vector
 
 Matrix = NDArray[np.float64]
 
@@ -353,16 +353,17 @@ class _Model:
         self.weights = 1.0 / blocks.standard_error[self.counts]
         self.light = blocks.light[self.counts]
         self.plane = np.stack(np.broadcast_arrays(*blocks.places))
+        self._averaged: tuple[bytes, Radial] | None = None
 
     def start(self, known: Matrix) -> Matrix:
-        means, _, _ = self._radial(known)
+        means = self._average(known).means
         design = np.column_stack([np.ones_like(self.light), *(mean[self.counts] for mean in means)])
         scaled = np.linalg.lstsq(design * self.weights[:, None], self.light * self.weights, rcond=None)[0]
         return np.array([scaled[0], *(scaled[1:] / scaled[0]), *known])
 
     def evaluate(self, p: Matrix) -> Plane:
-        means, _, _ = self._radial(p)
-        return np.asarray(p[0] * (1.0 + np.tensordot(p[_CURVE], means, 1)) * self._tilt(p))
+        share = 1.0 + np.tensordot(p[_CURVE], self._average(p).means, 1)
+        return np.asarray(p[0] * share * self._tilt(p))
 
     def residual(self, p: Matrix) -> Matrix:
         return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
@@ -376,10 +377,10 @@ class _Model:
         return n * math.log(share) + 2.0 * free * n / (n - free - 1)
 
     def jacobian(self, p: Matrix) -> Matrix:
-        means, by_row, by_col = self._radial(p)
+        means, slopes = self._average(p).means, self._average(p).slopes
         radius = self.blocks.grid.half_diagonal_px
         share, tilt = 1.0 + np.tensordot(p[_CURVE], means, 1), self._tilt(p)
-        by_centre = [np.tensordot(p[_CURVE], slope, 1) * radius for slope in (by_row, by_col)]
+        by_centre = [np.tensordot(p[_CURVE], slope, 1) * radius for slope in slopes]
         columns = [share * tilt, *(p[0] * part * tilt for part in (*means, *by_centre))]
         columns += [p[0] * share * direction for direction in self.plane]
         return np.column_stack([column[self.counts] * self.weights for column in columns])
@@ -387,14 +388,19 @@ class _Model:
     def _tilt(self, p: Matrix) -> Plane:
         return np.asarray(1.0 + np.tensordot(p[LIGHT], self.plane, 1))
 
-    def _radial(self, p: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        grid = self.blocks.grid
-        row, col = grid.middle_px + p[CENTRE] * grid.half_diagonal_px
-        return average_radial(
-            self.blocks.rows,
-            self.blocks.cols,
-            centre_row_px=float(row),
-            centre_col_px=float(col),
-            radius_px=grid.half_diagonal_px,
-            terms=self.terms,
-        )
+    def _average(self, p: Matrix) -> Radial:
+        """Return the averages for a centre; the search asks for each several times, one after the other."""
+        centre = p[CENTRE].tobytes()
+        if self._averaged is None or self._averaged[0] != centre:
+            grid = self.blocks.grid
+            row, col = grid.middle_px + p[CENTRE] * grid.half_diagonal_px
+            radial = Radial(
+                self.blocks.rows,
+                self.blocks.cols,
+                centre_row_px=float(row),
+                centre_col_px=float(col),
+                radius_px=grid.half_diagonal_px,
+                terms=self.terms,
+            )
+            self._averaged = centre, radial
+        return self._averaged[1]

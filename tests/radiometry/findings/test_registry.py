@@ -21,51 +21,43 @@ DECLARED = re.compile(r"radiometry/(findings/\w+|\w+/codes)\.py")
 
 
 @cache
-def read_code() -> dict[str, list[ast.AST]]:
-    """Parse every module that may raise a finding."""
-    return {
-        f"{path.relative_to(ROOT)}": [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-        for room in ("radiometry", "store", "worker", "service")
-        for path in (ROOT / room).rglob("*.py")
-    }
+def read_code() -> tuple[set[str], set[str]]:
+    """Return the names that modules use which declare no finding, and the codes that any module declares."""
+    used, declared = set(), set()
+    for room in ("radiometry", "store", "worker", "service"):
+        for path in (ROOT / room).rglob("*.py"):
+            place = f"{path.relative_to(ROOT)}"
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Attribute | ast.Name) and not DECLARED.fullmatch(place):
+                    used.add(node.attr if isinstance(node, ast.Attribute) else node.id)
+                elif isinstance(node, ast.Assign) and _declares(place, node.value):
+                    declared |= {each.id.lower() for each in node.targets if isinstance(each, ast.Name)}
+    return used, declared
 
 
-@pytest.mark.parametrize("finding", FINDINGS.values())
-def test_entry_is_complete(finding):
-    assert re.fullmatch(r"[a-z][a-z_0-9]+", finding.code)
-    assert finding.where
-    for text in (finding.sentence, finding.remedy):
-        assert re.fullmatch(r"[^\s].*[^\s.]\.", text)
-        assert text[0].isupper() or text[0] in "`uf"
+def test_every_entry_is_complete():
+    for finding in FINDINGS.values():
+        assert re.fullmatch(r"[a-z][a-z_0-9]+", finding.code)
+        assert finding.where
+        for text in (finding.sentence, finding.remedy):
+            assert re.fullmatch(r"[^\s].*[^\s.]\.", text)
+            assert text[0].isupper() or text[0] in "`uf"
 
 
 def test_every_declared_entry_is_raised():
-    used = {
-        node.attr if isinstance(node, ast.Attribute) else node.id
-        for path, nodes in read_code().items()
-        if not DECLARED.fullmatch(path)
-        for node in nodes
-        if isinstance(node, ast.Attribute | ast.Name)
-    }
+    used, _ = read_code()
     # of stored versions alone
     assert [code for code in FINDINGS if code.upper() not in used] == ["corner_window_wide"]
 
 
 def test_every_entry_is_declared_in_a_module_that_is_collected():
-    declared = {
-        target.id.lower()
-        for path, nodes in read_code().items()
-        for node in nodes
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
-        for target in node.targets
-        if isinstance(target, ast.Name) and _declares(path, node.value)
-    }
+    _, declared = read_code()
     assert declared == {*FINDINGS}
 
 
-def _declares(path: str, call: ast.Call) -> bool:
-    """Return True if a call makes an entry; outside the registry there is to be none."""
-    name = getattr(call.func, "id", "")
+def _declares(path: str, value: ast.expr) -> bool:
+    """Return True if a value is a call that makes an entry; outside the registry there is to be none."""
+    name = getattr(value.func, "id", "") if isinstance(value, ast.Call) else ""
     return name == "Finding" or (name in DECLARING and path.startswith("radiometry"))
 
 

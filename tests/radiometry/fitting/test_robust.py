@@ -34,11 +34,20 @@ def spoil(drawn, count, factor):
     return rows, chosen
 
 
+@pytest.fixture(scope="module")
+def drawn():
+    return draw(3)
+
+
+@pytest.fixture(scope="module")
+def unspoilt(drawn):
+    return fit(drawn.rows, drawn.readings, ROBUST)
+
+
 @pytest.mark.parametrize(("count", "factor"), [(3, 0.5), (3, 1.3)])
-def test_outliers_cost_least_squares_much_and_the_robust_fit_little(count, factor):
-    drawn = draw(3)
+def test_outliers_cost_least_squares_much_and_the_robust_fit_little(drawn, unspoilt, count, factor):
     rows, chosen = spoil(drawn, count, factor)
-    clean = fit(drawn.rows, drawn.readings, ROBUST).iso_fits[0].coefficient
+    clean = unspoilt.iso_fits[0].coefficient
     plain, robust = (fit(rows, drawn.readings, params) for params in (PLAIN, ROBUST))
     wide, narrow = (result.iso_fits[0].coefficient for result in (plain, robust))
     assert wide.expanded_uncertainty > 1.2 * clean.expanded_uncertainty
@@ -50,11 +59,9 @@ def test_outliers_cost_least_squares_much_and_the_robust_fit_little(count, facto
     assert raised(plain, codes.OUTLIERS_DISCOUNTED) == []
 
 
-def test_without_outliers_nothing_is_lost():
-    drawn = draw(3)
-    plain, robust = (fit(drawn.rows, drawn.readings, params) for params in (PLAIN, ROBUST))
-    assert robust.iso_fits == plain.iso_fits
-    assert raised(robust, codes.OUTLIERS_DISCOUNTED) == []
+def test_without_outliers_nothing_is_lost(drawn, unspoilt):
+    assert unspoilt.iso_fits == fit(drawn.rows, drawn.readings, PLAIN).iso_fits
+    assert raised(unspoilt, codes.OUTLIERS_DISCOUNTED) == []
 
 
 def test_readings_without_scatter_do_not_keep_the_weights_from_converging():
@@ -80,10 +87,9 @@ def test_readings_without_scatter_do_not_keep_the_weights_from_converging():
     assert abs(narrow.luminance_k - K) < narrow.expanded_uncertainty
 
 
-def test_one_frame_per_scene():
+def test_one_frame_per_scene(drawn):
     """Readings and frames cannot be told apart: the robust fit counts their scatter as the frames'."""
     random = np.random.default_rng(2)
-    drawn = draw(3)
     first = {}
     for row in drawn.rows:
         if row.role == "light":

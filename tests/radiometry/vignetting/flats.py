@@ -8,7 +8,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import fit as vignetting
-from radiometry.vignetting.blocks import Grid, Site, average_radial, extract_features
+from radiometry.vignetting.blocks import Grid, Radial, Site, extract_features
 from radiometry.vignetting.falloff import Blocks
 from radiometry.vignetting.results import Coefficient
 from simulation.camera import change, take
@@ -64,12 +64,12 @@ def flags_of(raised):
 
 def exact_blocks(grid, k, centre_px, *, gradient=(0.0, 0.0), error=1e-3, site=WHOLE):
     rows, cols = grid.axes(site)
-    means, _, _ = average_radial(
+    radial = Radial(
         rows, cols, centre_row_px=centre_px[0], centre_col_px=centre_px[1], radius_px=grid.half_diagonal_px
     )
     a = (rows.means - grid.middle_px[0]) / grid.half_diagonal_px
     b = (cols.means - grid.middle_px[1]) / grid.half_diagonal_px
-    light = 1.0 + np.tensordot(np.array(k), means, 1)
+    light = 1.0 + np.tensordot(np.array(k), radial.means, 1)
     light = light * (1.0 + gradient[0] * a[:, None] + gradient[1] * b[None, :])
     return Blocks(grid=grid, rows=rows, cols=cols, light=light, standard_error=np.full(light.shape, error))
 

@@ -14,7 +14,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.specification.exports import LensfunNames
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting import lens as vignetting_lens
-from radiometry.vignetting.blocks import Grid, Site, average_radial, extract_features
+from radiometry.vignetting.blocks import Grid, Radial, Site, extract_features
 from radiometry.vignetting.channels import fit_channel
 from radiometry.vignetting.falloff import DarkError
 from radiometry.vignetting.light import estimate_dark_drift, estimate_dark_error, merge_dark_errors
@@ -127,20 +127,19 @@ def test_block_means_and_slopes_are_those_of_the_pixels():
     rows, cols = grid.axes(Site(row0=1, col0=0, step=2))
     centre, radius = (7.3, 18.1), grid.half_diagonal_px
 
-    def means(row, col):
-        return average_radial(rows, cols, centre_row_px=row, centre_col_px=col, radius_px=radius)
+    def average(row, col):
+        return Radial(rows, cols, centre_row_px=row, centre_col_px=col, radius_px=radius)
 
-    found, by_row, by_col = means(*centre)
+    found = average(*centre)
     squared = (np.arange(9, 17, 2)[:, None] - 7.3) ** 2 + (np.arange(16, 24, 2)[None, :] - 18.1) ** 2
     for power in (1, 2, 3):
         pixels = (squared / radius**2) ** power
-        assert found[power - 1][1, 2] == pytest.approx(pixels.mean(), rel=1e-12)
+        assert found.means[power - 1][1, 2] == pytest.approx(pixels.mean(), rel=1e-12)
     step = 1e-5
-    for slopes, (up, down) in (
-        (by_row, (means(7.3 + step, 18.1), means(7.3 - step, 18.1))),
-        (by_col, (means(7.3, 18.1 + step), means(7.3, 18.1 - step))),
-    ):
-        np.testing.assert_allclose(slopes, (up[0] - down[0]) / (2 * step), rtol=1e-5, atol=1e-9)
+    by_row = average(7.3 + step, 18.1).means - average(7.3 - step, 18.1).means
+    by_col = average(7.3, 18.1 + step).means - average(7.3, 18.1 - step).means
+    for slopes, moved in zip(found.slopes, (by_row, by_col), strict=True):
+        np.testing.assert_allclose(slopes, moved / (2 * step), rtol=1e-5, atol=1e-9)
 
 
 def test_the_simulated_lens_is_what_it_says():
