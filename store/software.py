@@ -5,13 +5,13 @@ from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-FIT_CODE_VERSION = "0.1.18"
+FIT_CODE_VERSION = "0.1.19"
 """Fit code version: `software.stilb` of a calibration version, and part of its content hash.
 
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-11"  # of a measurement and its map. Part of a measurement's content hash
+MEASURER = "measure-12"  # of a measurement and its map. Part of a measurement's content hash
 
 EXTRACTOR = "extract-5"  # of the decoder and the statistics. Part of an extraction's key
 

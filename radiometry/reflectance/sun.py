@@ -84,7 +84,8 @@ class TiltParams(Record):
     diffuse_share_u: float = parameter(
         0.1,
         label="Uncertainty of the diffuse fraction",
-        description="Its standard uncertainty; a fraction that the file states has the same.",
+        description="Its standard uncertainty at 650 nm, by the haze; a fraction that the file states has "
+        "the same.",
         bounds="[0, 1]",
     )
     attitude_u_deg: float = parameter(
@@ -110,9 +111,23 @@ def share_at(share: float, wavelength_nm: float | None) -> float:
 
     [1] R. E. Bird, C. Riordan, J. Climate Appl. Meteor. 25, 87 (1986)
     """
-    r = min(2.0, max(0.5, (wavelength_nm or _SHARE_NM) / _SHARE_NM))
-    scattered = share * (math.pow(r, -4.0) + 3.0 * math.pow(r, -1.3)) / 4.0
+    molecules, haze = _scatter(wavelength_nm)
+    scattered = share * (molecules + 3.0 * haze) / 4.0
     return scattered / (scattered + 1.0 - share)
+
+
+def share_u_at(params: TiltParams, wavelength_nm: float | None) -> float:
+    """Compute the uncertainty of the diffuse fraction at a wavelength: the haze is not known, the air is."""
+    if params.diffuse_share == 1.0:
+        return params.diffuse_share_u
+    direct = (1.0 - share_at(params.diffuse_share, wavelength_nm)) / (1.0 - params.diffuse_share)
+    return min(1.0, params.diffuse_share_u * _scatter(wavelength_nm)[1] * direct**2)
+
+
+def _scatter(wavelength_nm: float | None) -> tuple[float, float]:
+    """Return what molecules and haze scatter, relative to 650 nm."""
+    r = min(2.0, max(0.5, (wavelength_nm or _SHARE_NM) / _SHARE_NM))
+    return math.pow(r, -4.0), math.pow(r, -1.3)
 
 
 Angles = tuple[float, float, float]  # yaw, pitch and roll of a sensor [deg]

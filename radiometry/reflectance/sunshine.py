@@ -33,6 +33,7 @@ from radiometry.reflectance.sun import (
     list_level_effects,
     locate_suns_of,
     share_at,
+    share_u_at,
     sun_angle_deg,
     turned_deg,
 )
@@ -479,7 +480,7 @@ def measure_light(
     assumed, suns = params or TiltParams(), locate_suns_of(header)
     sun = suns[len(suns) // 2] if suns else None
     if sun is not None:
-        assumed = replace(assumed, diffuse_share=_find_share(band, sun, assumed))
+        assumed = _adapt_share(band, sun, assumed)
     levelled, reason = None, ""
     if params is not None and not (band.irradiance is not None and band.irradiance.quantity != "spectral"):
         try:
@@ -497,15 +498,21 @@ def measure_light(
     return _add_level(found, band, tilt, levelled=levelled is not None, reason=reason, where=where)
 
 
-def _find_share(band: Multispectral, sun: SunPosition, params: TiltParams) -> float:
-    stated, assumed = band.irradiance, share_at(params.diffuse_share, band.wavelength_nm)
+def _adapt_share(band: Multispectral, sun: SunPosition, params: TiltParams) -> TiltParams:
+    """Return the diffuse fraction that a band's file states, else the one at its wavelength."""
+    stated = band.irradiance
+    assumed = replace(
+        params,
+        diffuse_share=share_at(params.diffuse_share, band.wavelength_nm),
+        diffuse_share_u=share_u_at(params, band.wavelength_nm),
+    )
     if stated is None or stated.direct_w_m2_nm is None or stated.scattered_w_m2_nm is None:
         return assumed
     direct = stated.direct_w_m2_nm * math.sin(math.radians(max(0.0, sun.elevation_deg)))
     total = direct + stated.scattered_w_m2_nm
     if min(direct, stated.scattered_w_m2_nm) < 0.0 or not total > 0.0:
         return assumed
-    return stated.scattered_w_m2_nm / total
+    return replace(params, diffuse_share=stated.scattered_w_m2_nm / total)
 
 
 def _add_level(

@@ -23,6 +23,7 @@ from radiometry.reflectance.sun import (
     locate_suns_of,
     read_clock_s,
     share_at,
+    share_u_at,
     sun_angle_deg,
     transmit,
 )
@@ -336,6 +337,21 @@ def test_the_diffuse_fraction_falls_with_the_wavelength(wavelength_nm, share):
     assert share_at(1 / 6, wavelength_nm) == pytest.approx(share, abs=0.015)
     assert share_at(1 / 6, None) == 1 / 6
     assert (share_at(0.0, wavelength_nm), share_at(1.0, wavelength_nm)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("wavelength_nm", "u"), [(475.0, 0.1103), (650.0, 0.1), (840.0, 0.0815), (None, 0.1)]
+)
+def test_the_haze_makes_the_diffuse_fraction_uncertain(wavelength_nm, u):
+    """By hand: three quarters of 0.2 of the direct light are haze, which changes; a quarter is air."""
+    params = TiltParams()
+    assert share_u_at(params, wavelength_nm) == pytest.approx(u, abs=5e-5)
+    r, steps = (wavelength_nm or 650.0) / 650.0, (-1e-4, 1e-4)
+    odds = [0.05 * r**-4 + (0.15 + step) * r**-1.3 for step in steps]
+    low, high = (each / (1 + each) for each in odds)
+    # 0.1 of the fraction at 650 nm is 0.144 of these odds
+    assert share_u_at(params, wavelength_nm) == pytest.approx((high - low) / 2e-4 * 0.144, rel=1e-4)
+    assert share_u_at(TiltParams(diffuse_share=1.0), wavelength_nm) == 0.1
 
 
 @given(st.floats(10, 90), st.floats(0, 1), st.floats(1.0, 2.0))

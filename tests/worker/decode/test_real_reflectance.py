@@ -1,5 +1,7 @@
 """Real captures of a Sequoia and a RedEdge, from the file to irradiance, radiance and reflectance."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -11,6 +13,8 @@ from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
+from radiometry.reflectance.results import evaluate_k
+from radiometry.reflectance.sun import read_clock_s
 from radiometry.reflectance.sunshine import measure_sunshine
 from tests.support import reader
 
@@ -22,6 +26,14 @@ SEQUOIA = {
     "red": ("RED", 0.231775, 28.0, 0.0467),
     "red_edge": ("REG", 0.259554, 5.2, 0.1944),
     "nir": ("NIR", 0.224353, 14.0, 0.0667),
+}
+# u(K) [%] by the reading, by attitude and haze, by all else; in all at the flight, and half an hour later.
+U_OF_K = {
+    "blue": (2.5, 2.8, 1.3, 4.0, 4.4),
+    "green": (2.5, 2.9, 1.2, 4.1, 4.5),
+    "red": (2.5, 2.9, 1.3, 4.1, 4.5),
+    "red_edge": (2.5, 2.9, 1.2, 4.1, 4.5),
+    "nir": (2.5, 2.9, 1.6, 4.2, 4.6),
 }
 
 
@@ -95,6 +107,38 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
     for row in rows:
         found = reflectance.apply_features(row.features, header=row.header, coefficients=coefficients)
         assert found.reflectance.value == pytest.approx(0.2, rel=1e-12)
+
+
+def test_one_light_reading_of_a_rededge_bounds_u_of_k(real_files):
+    """Panel good to 1 %, levelled by a bubble: the reading, and its attitude and the haze, are most of u."""
+    rows, readings = [], []
+    for band in range(1, 6):
+        path = real_files / "rededge" / f"0000SET_000_IMG_0000_{band}.tif"
+        header = reader.read_header(path)
+        whole = reader.read_window(path, 0, 0, header.height_px, header.width_px)
+        found = reflectance.find_region(whole, header=header)
+        features = extract(path, header, found.region)
+        given = {"role": "panel", "scene": None, "statistics": None, "features": features}
+        rows.append(
+            reflectance.FrameRow(frame=path.name, header=header, exposure=exposure_of(header), **given)
+        )
+        stated = {"reflectance": 0.67, "standard_uncertainty": 0.0067}
+        readings.append(reflectance.Reading(panel="P", band=header.multispectral.band, **stated))
+    flown_s = read_clock_s(reader.read_header(real_files / "rededge" / "0000SET_000_IMG_0001_1.tif"))
+    fit = reflectance.fit(rows, readings, reflectance.Params(panel_level="measured"))
+    table = {}
+    for each in fit.band_fits:
+        u = {entry.source: 100 * entry.u_rel for entry in each.budget}
+        rest = math.hypot(u["panel reflectance"], u["panel angle"], u["panel evenness"], u["pixel noise"])
+        flown = evaluate_k(each.coefficient, at_s=flown_s)
+        table[each.coefficient.band] = (
+            u["sunshine readings"],
+            u["sunshine tilt"],
+            rest,
+            100 * math.hypot(flown.u_rel, flown.drift_u_rel),
+            100 * each.coefficient.reflectance_k_standard_uncertainty / each.coefficient.reflectance_k,
+        )
+    assert {band: pytest.approx(figures, abs=0.05) for band, figures in table.items()} == U_OF_K
 
 
 def test_saturated_pixels_of_a_real_flight_capture_are_counted(real_files):
