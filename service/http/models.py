@@ -6,7 +6,7 @@ import re
 import types
 import unicodedata
 from collections.abc import Iterable, Mapping
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -46,9 +46,9 @@ from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.roles import ROLES
-from service.http.problems import SHA256
+from service.http.problems import LINES, SHA256
 from store.queries.frame_times import name_zone
-from store.tables import Base
+from store.tables import Base, utc_now
 
 
 def _name_zone(text: str) -> str:
@@ -68,17 +68,13 @@ COMPOSED: Final = AfterValidator(_compose)
 Text = Annotated[
     str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$"), COMPOSED
 ]
-LongText = Annotated[
-    str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
-]
-CurveText = Annotated[
-    str, StringConstraints(min_length=1, max_length=50_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
-]
-"""A name, or a table of several lines, each ending in a line feed."""
+_LINE_FEEDS: Final = AfterValidator(lambda text: text.replace("\r\n", "\n").replace("\r", "\n"))
+"""Lines end as they are stored and printed, whichever machine they were written on."""
+LongText = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pattern=LINES), _LINE_FEEDS]
+CurveText = Annotated[str, StringConstraints(min_length=1, max_length=50_000, pattern=LINES), _LINE_FEEDS]
+"""A name, or a table of several lines."""
 Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$"), COMPOSED]
-ClearableLong = Annotated[
-    str, StringConstraints(max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$")
-]
+ClearableLong = Annotated[str, StringConstraints(max_length=10_000, pattern=LINES), _LINE_FEEDS]
 """A correction: "" takes away what was written."""
 TimeZone = Annotated[Text, AfterValidator(_name_zone), Field(examples=["Europe/Berlin", "+02:00"])]
 ClearableZone = Annotated[Clearable, AfterValidator(lambda text: text and _name_zone(text))]
@@ -151,6 +147,16 @@ Instant = Annotated[
     ),
     WithJsonSchema({"type": "string", "format": "date-time"}, mode="serialization"),
 ]
+_CLOCKS_DIFFER: Final = timedelta(days=1)
+
+
+def _is_not_ahead(instant: datetime) -> datetime:
+    if instant > utc_now() + _CLOCKS_DIFFER:
+        raise PydanticCustomError("ahead", "lies in the future")
+    return instant
+
+
+PastInstant = Annotated[Instant, AfterValidator(_is_not_ahead)]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 

@@ -99,7 +99,7 @@ async def read_apart(request: Request, read: Callable[[bytes], T]) -> T:
     return await run_sync(read, body, limiter=context.readers)
 
 
-def read_document(body: bytes, validate: Callable[[Any], T]) -> T:
+def read_document(body: bytes, validate: Callable[[Any], T], *, advice: str = "") -> T:
     """Read a document in JSON; what readers may take differently is refused."""
     refuse_load(body, *",:{[")
     try:
@@ -109,7 +109,7 @@ def read_document(body: bytes, validate: Callable[[Any], T]) -> T:
     except ValidationError as error:
         raise problems.invalid(problems.located(error, "body")) from error
     except json.JSONDecodeError as error:
-        detail = f"The body is not JSON: {error.msg} at character {error.pos}."
+        detail = f"The body is not JSON: {error.msg} at character {error.pos}.{advice}"
         raise problems.Problem(interface.BAD_REQUEST, detail) from error
     except (ValueError, RecursionError) as error:
         raise problems.Problem(interface.BAD_REQUEST, problems.UNREADABLE) from error
@@ -159,6 +159,9 @@ def _check(request: Request) -> None:
         for name, text in request.query_params.multi_items()
         if (kind := _find_fault(types.get(name), text)) is not None
     ]
+    for name, count in Counter(name for name, _ in request.query_params.multi_items()).items():
+        if count > 1 and types.get(name) != "array":
+            wrong.append({"type": "value", "loc": ("query", name), "msg": "is stated twice; state it once"})
     if wrong:
         raise problems.invalid(wrong)
 

@@ -71,6 +71,7 @@ def _cell(value: Any) -> Any:  # noqa: ANN401
 F = TypeVar("F", bound=Form)
 T = TypeVar("T")
 
+_TABLES: Final = frozenset({"text/csv", "application/csv"})  # the second is not registered, but much in use
 UNREAD = ""
 _MOST_COLUMNS: Final = 200
 
@@ -111,7 +112,10 @@ async def read_sheet_or_document(
     request: Request, read: Callable[[bytes], T], validate: Callable[[Any], T]
 ) -> T:
     """Read a body that is a table or JSON, by its content type; each bad field or row is named."""
-    return await read_apart(request, read if is_table(request) else partial(read_document, validate=validate))
+    if is_table(request):
+        return await read_apart(request, read)
+    advice = " A table is sent with Content-Type: text/csv."
+    return await read_apart(request, partial(read_document, validate=validate, advice=advice))
 
 
 class OneOrMany(Generic[F]):
@@ -139,7 +143,7 @@ class OneOrMany(Generic[F]):
 
 
 def is_table(request: Request) -> bool:
-    return request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv"
+    return request.headers.get("content-type", "").split(";")[0].strip().lower() in _TABLES
 
 
 def refuse_columns(message: str, columns: list[str]) -> Problem:

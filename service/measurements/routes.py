@@ -4,7 +4,7 @@ from pathlib import PurePath
 from typing import Annotated, Literal
 from urllib.parse import quote
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -73,12 +73,34 @@ class MeasurementRecord(
     map_sha256: str | None = models.maybe("SHA-256 of map.tif, where there is one.")
 
 
+def _read_asked(body: requests.MeasurementOptions) -> plan.Asked:
+    grid, lanes = requests.read_grid(body.grid) if body.grid is not None else (None, None)
+    return plan.Asked(
+        polygon=requests.read_roi(body.roi).polygon if body.roi is not None else None,
+        grid=grid,
+        lanes=lanes,
+        frame_ids=tuple(body.list_frames()) if getattr(body, "frame_ids", None) else None,
+        conditions=body.model_dump(include=set(requests.CONDITIONS), exclude_unset=True),
+        products=tuple(body.products or ()),
+        allow=tuple(dict.fromkeys(body.allow or ())),
+        **body.model_dump(include={"reflectance", "incidence_angle_deg", "index", "quantity"}),
+    )
+
+
+def _read_asked_of_one(body: requests.NewMeasurement) -> plan.Asked:
+    return _read_asked(body)
+
+
+Asked = Annotated[plan.Asked, Depends(_read_asked)]
+"""What a body asks, its regions read before the database is locked."""
+AskedOfOne = Annotated[plan.Asked, Depends(_read_asked_of_one)]
+
 router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 @router.post("/measurements", status_code=202, response_model=JobAnswer, responses=answers.problems(404, 409))
 def start_measurement(
-    body: requests.NewMeasurement, caller: auth.Uploader, session: Session
+    body: requests.NewMeasurement, asked: AskedOfOne, caller: auth.Uploader, session: Session
 ) -> changes.Reply:
     """Measure a frame with a calibrated camera. The job's result names the measurement.
 
@@ -86,7 +108,7 @@ def start_measurement(
     place of `frame_id` averages repeats of one scene.
     """
     frame, *_ = (lookup.owned(session, FrameRow, each, caller) for each in body.list_frames())
-    asked, named = _read_asked(body), _named(session, body, caller)
+    named = _named(session, body, caller)
     job = _enqueue(session, frame, asked, named, caller, plan.Captures(session), lane="measure")
     return reply_queued(session, job)
 
@@ -98,14 +120,18 @@ def start_measurement(
     responses=answers.problems(409),
 )
 def start_campaign_measurements(
-    campaign: lookup.Own[Campaign], body: requests.MeasurementOptions, caller: auth.Uploader, session: Session
+    campaign: lookup.Own[Campaign],
+    body: requests.MeasurementOptions,
+    asked: Asked,
+    caller: auth.Uploader,
+    session: Session,
 ) -> changes.Reply:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
     Frames that a person left out are not measured. An index is measured once a capture. The calibration may
     come from another campaign of the same camera.
     """
-    named, asked, captures = _named(session, body, caller), _read_asked(body), plan.Captures(session)
+    named, captures = _named(session, body, caller), plan.Captures(session)
     started: dict[Job, None] = {}
     refused: list[requests.NotMeasured] = []
     for frame in _field_frames(session, campaign):
@@ -203,20 +229,6 @@ def get_measurement_picture(
     Of a geometry campaign's frame: its undistorted picture, to look at.
     """
     return _send_map(request, context, measurement, "png")
-
-
-def _read_asked(body: requests.MeasurementOptions) -> plan.Asked:
-    grid, lanes = requests.read_grid(body.grid) if body.grid is not None else (None, None)
-    return plan.Asked(
-        polygon=requests.read_roi(body.roi).polygon if body.roi is not None else None,
-        grid=grid,
-        lanes=lanes,
-        frame_ids=tuple(body.list_frames()) if getattr(body, "frame_ids", None) else None,
-        conditions=body.model_dump(include=set(requests.CONDITIONS), exclude_unset=True),
-        products=tuple(body.products or ()),
-        allow=tuple(dict.fromkeys(body.allow or ())),
-        **body.model_dump(include={"reflectance", "incidence_angle_deg", "index", "quantity"}),
-    )
 
 
 def _named(session: Session, body: requests.MeasurementOptions, caller: auth.Caller) -> Calibration | None:

@@ -103,7 +103,7 @@ class OperatorHealth(models.Answer):
     jobs_waiting: int
     jobs_running: int
     oldest_wait_s: float = models.told("How long the job that waits longest has been due.", ge=0)
-    disk_total_bytes: int = models.told("Of the disk that holds the data folder.")
+    disk_total_bytes: int = models.told("Of the disk that holds the data folder, without what is reserved.")
     disk_free_bytes: int
     files: int = models.told("Stored files.")
     damaged_files: int
@@ -123,7 +123,7 @@ def get_operator_health(caller: auth.Admin, context: UsesContext, session: Sessi
         jobs_waiting=queue.jobs["queued"],
         jobs_running=queue.jobs["running"],
         oldest_wait_s=queue.oldest_queued_s,
-        disk_total_bytes=disk.total,
+        disk_total_bytes=disk.used + disk.free,
         disk_free_bytes=disk.free,
         files=session.scalar(select(func.count()).select_from(Blob)) or 0,
         damaged_files=sum(count_damaged(session).values()),

@@ -59,7 +59,7 @@ def test_the_operator_sees_workers_disk_and_stored_files(context, service):
     settle(page)
     health = page.locator("#health")
     expect(health).to_contain_text(re.compile(r"Workers\s*\d of \d"))
-    for text in ("all at work", " free", "Stored files"):
+    for text in ("ready", " free", "Stored files"):
         expect(health).to_contain_text(text)
     check_both(page)
     look(page, "jobs-operator")

@@ -68,6 +68,13 @@ def test_every_spreadsheet_is_read(house, text):
     ]
 
 
+def test_a_table_is_known_by_its_type(house):
+    text = "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\n"
+    assert len(read_csv(house, text, kind="application/csv")["items"]) == 1
+    detail = read_csv(house, text, kind="application/x-www-form-urlencoded", status=400)["detail"]
+    assert detail.endswith("A table is sent with Content-Type: text/csv.")
+
+
 def test_a_reading_is_kept_with_a_reason_in_words(house):
     text = "scene,quantity,value,unit,reason\nlevel-1,luminance,12.8,cd/m2,a filter was on the lens\n"
     assert read_csv(house, text)["items"][0]["reason"] == "a filter was on the lens"
@@ -131,6 +138,7 @@ def test_a_cell_without_end(house):
         (FIRST | {"value": "54,4"}, "body.value"),
         (FIRST | {"meter": "x"}, "body.meter"),
         (FIRST | {"unit": "lx"}, "body"),
+        (FIRST | {"taken_at": "2126-05-01T08:00:00Z"}, "body.taken_at"),
         ([], "body"),
         ([[]], "body.0"),
         (7, "body"),
@@ -148,6 +156,8 @@ def test_a_reading_names_its_meter(house):
     path = f"/v1/campaigns/{house.campaign()['id']}/readings"
     assert house.post(path, FIRST | {"meter_id": meter["id"]})["meter_id"] == meter["id"]
     assert house.post(path, FIRST | {"meter_id": "met_no"}, status=404)["code"] == "not_found"
+    problem = house.post(path, [FIRST, SECOND | {"meter_id": meter["id"]}], status=422)
+    assert problem["detail"] == "meter_id: is of a meter of luminance; the reading of level-1 is illuminance"
 
 
 def test_a_withdrawn_reading_counts_no_more_and_stays_in_the_record(house):

@@ -16,6 +16,7 @@ from store.database import Database
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
 TRIANGLE = [[0, 0], [9, 0], [0, 9]]
+MEASURED = {"frame_id": "1", "roi": {"polygon": TRIANGLE}}
 SITE_FEATURES = {"type": "FeatureCollection", "coordinates": "m", "features": []}
 
 
@@ -69,6 +70,7 @@ def test_a_wrong_number_is_named(house, text, message):
         ({"colour": 1}, "body.colour", "is not known here; check its spelling or leave it out"),
         ({"serial": 5}, "body.serial", "must be text"),
         ({"serial": "a\x00b"}, "body.serial", "must not hold control characters such as line breaks or tabs"),
+        ({"note": "a\x00b"}, "body.note", "must not hold control characters other than line breaks and tabs"),
         ({"serial": "\ud800"}, "body.serial", "must be text in Unicode"),
         ({"serial": ""}, "body.serial", "must have at least 1 character"),
         ({"serial": "x" * 201}, "body.serial", "must have at most 200 characters"),
@@ -226,6 +228,12 @@ def test_names_are_the_same_however_their_letters_are_put_together(house):
     assert frame["scene"] == unicodedata.normalize("NFC", apart)
 
 
+def test_lines_end_in_one_way_whoever_wrote_them(house):
+    for note in ("one\r\ntwo\tthree", "one\rtwo\tthree"):
+        camera = house.patch(f"/v1/cameras/{house.camera()['id']}", {"note": note})
+        assert camera["note"] == "one\ntwo\tthree"
+
+
 @pytest.mark.parametrize(
     ("reader", "method", "path", "body"),
     [
@@ -233,6 +241,7 @@ def test_names_are_the_same_however_their_letters_are_put_together(house):
         ("radiometry.frame.roi.Polygon.from_points", "PUT", "/v1/campaigns/1/roi", {"polygon": TRIANGLE}),
         ("radiometry.frame.roi.Polygon.from_points", "PUT", "/v1/frames/1/roi", {"polygon": TRIANGLE}),
         ("radiometry.frame.roi.Polygon.from_points", "POST", "/v1/frames/1/region", {"polygon": TRIANGLE}),
+        ("radiometry.frame.roi.Polygon.from_points", "POST", "/v1/measurements", MEASURED),
     ],
 )
 def test_a_body_is_read_before_the_database_is_locked(house, monkeypatch, reader, method, path, body):
@@ -255,6 +264,11 @@ def test_an_unknown_address_and_a_wrong_method(house):
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
     assert answer.headers["allow"] == "GET, HEAD, POST"
     assert answer.json()["detail"] == "This address does not accept PUT; it accepts GET, HEAD, POST."
+
+
+def test_a_field_of_the_query_is_stated_once(house):
+    problem = house.ask("GET", "/v1/cameras?limit=1&limit=2", status=422)
+    assert problem["detail"] == "query.limit: is stated twice; state it once"
 
 
 def test_a_misspelt_filter_does_not_answer_with_everything(house):

@@ -33,7 +33,7 @@ function workersOf({ parts }) {
   const working = workers.filter((part) => part.state === "working").length;
   const hung = parts.filter((part) => part.state === "hung");
   const kind = !working || hung.length ? "bad" : "good";
-  return [kind, "Workers", `${working} of ${workers.length}`, hung.length ? `${hung.map((part) => part.kind).join(", ")} hangs` : working ? "all at work" : "jobs wait"];
+  return [kind, "Workers", `${working} of ${workers.length}`, hung.length ? `${hung.map((part) => part.kind).join(", ")} hangs` : working ? "ready" : "jobs wait"];
 }
 
 function diskOf({ disk_free_bytes: free, disk_total_bytes: total }) {
