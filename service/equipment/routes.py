@@ -18,7 +18,13 @@ from service.http.context import UsesContext
 from store.codec import encode
 from store.queries import fleet
 from store.queries.campaigns import check_again
-from store.queries.organisations import find_or_add, find_or_add_camera, find_or_add_meter, find_or_add_panel
+from store.queries.organisations import (
+    find_alike,
+    find_or_add,
+    find_or_add_camera,
+    find_or_add_meter,
+    find_or_add_panel,
+)
 from store.tables import Calibration, Camera, Campaign, Meter, Panel, Rig
 
 router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
@@ -33,9 +39,9 @@ def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Ses
 
 
 class CameraListing(paging.Paging):
-    make: models.Text | None = None
-    model: models.Text | None = None
-    serial: models.Text | None = None
+    make: models.Name | None = None
+    model: models.Name | None = None
+    serial: models.Name | None = None
 
 
 @router.get("", response_model=paging.Page[schemas.CameraAnswer])
@@ -63,9 +69,8 @@ def change_camera(
     jobs = []
     if _names(camera) != before:
         names = dict(zip(("make", "model", "serial"), _names(camera), strict=True))
-        own = select(Camera.id).filter_by(organisation_id=caller.organisation_id, **names)
         with session.no_autoflush:
-            if session.scalar(own.where(Camera.id != camera.id)):
+            if find_alike(session, Camera, caller.organisation_id, names) not in {None, camera}:
                 message = "is that of another camera of yours: move the campaign to it"
                 raise problems.wrong("body.serial", message)
         mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
@@ -101,7 +106,7 @@ def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, session: Sessi
 
 class MeterListing(paging.Paging):
     kind: models.Text | None = None
-    serial: models.Text | None = None
+    serial: models.Name | None = None
 
 
 @meters_router.get("", response_model=paging.Page[schemas.MeterAnswer])
@@ -138,7 +143,7 @@ def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Sessi
 
 
 class PanelListing(paging.Paging):
-    serial: models.Text | None = None
+    serial: models.Name | None = None
 
 
 @panels_router.get("", response_model=paging.Page[schemas.PanelAnswer])

@@ -10,15 +10,15 @@ from store.tables import Camera, Meter, Panel, organisation
 
 
 class Lens(models.Form, models.Answer):
-    make: models.Text = models.told("Manufacturer of the lens.")
-    model: models.Text = models.told("As engraved on the lens.")
-    serial: models.Text | None = models.maybe("As engraved on the lens, where it has one.")
+    make: models.Name = models.told("Manufacturer of the lens.")
+    model: models.Name = models.told("As engraved on the lens.")
+    serial: models.Name | None = models.maybe("As engraved on the lens, where it has one.")
 
 
 class NewCamera(models.Form):
-    make: models.Text = models.told("As in the files: DJI.")
-    model: models.Text = models.told("As in the files: FC6520.")
-    serial: models.Text = models.told(
+    make: models.Name = models.told("As in the files: DJI.")
+    model: models.Name = models.told("As in the files: FC6520.")
+    serial: models.Name = models.told(
         "Of the camera body, as in the files: frames of another body are refused."
     )
     lens: Lens | None = models.maybe("The lens it is calibrated with, where it can be changed.")
@@ -34,9 +34,9 @@ class NewCamera(models.Form):
 class CameraChange(models.Form):
     """Corrections; what is left out stays."""
 
-    make: models.Text | None = None
-    model: models.Text | None = None
-    serial: models.Text | None = None
+    make: models.Name | None = None
+    model: models.Name | None = None
+    serial: models.Name | None = None
     lens: Lens | None = None
     pixel_pitch_um: models.PixelPitch | None = None
     sensor_width_mm: models.Positive | None = None
@@ -86,9 +86,9 @@ class NewMeter(models.Form):
     kind: organisation.MeterKind = models.told(
         "What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
     )
-    make: models.Text = models.told("Manufacturer of the meter.")
-    model: models.Text = models.told("As on its type plate.")
-    serial: models.Text = models.told("As on its type plate: the certificate holds for this meter alone.")
+    make: models.Name = models.told("Manufacturer of the meter.")
+    model: models.Name = models.told("As on its type plate.")
+    serial: models.Name = models.told("As on its type plate: the certificate holds for this meter alone.")
     certificate: Certificate | None = models.maybe(
         "The calibration certificate that is in force for the readings."
     )
@@ -125,7 +125,7 @@ class PanelBand(models.Form, models.Answer):
 
 
 class NewPanel(models.Form):
-    serial: models.Text = models.told("As printed on the panel, or in its code.")
+    serial: models.Name = models.told("As printed on the panel, or in its code.")
     measured_on: models.Day = models.told("When its reflectance was measured: panels age.")
     bands: list[PanelBand] = models.told(
         "Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE

@@ -179,6 +179,10 @@ class FrameAnswer(
         "finds nothing to do: ask for the frame."
     )
     job_id: str | None = maybe("The newest job that reads it.")
+    kept: list[str] | None = maybe(
+        "Of an upload of a file that the campaign has: what was stated otherwise and stays as it is. A PATCH "
+        "of the frame changes it."
+    )
 
     @classmethod
     def of(

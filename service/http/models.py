@@ -68,6 +68,8 @@ COMPOSED: Final = AfterValidator(_compose)
 Text = Annotated[
     str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$"), COMPOSED
 ]
+Name = Annotated[Text, AfterValidator(lambda text: " ".join(text.split()) or text)]
+"""A name without the blanks that nobody sees: around it, and more than one between its words."""
 _LINE_FEEDS: Final = AfterValidator(lambda text: text.replace("\r\n", "\n").replace("\r", "\n"))
 """Lines end as they are stored and printed, whichever machine they were written on."""
 LongText = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pattern=LINES), _LINE_FEEDS]

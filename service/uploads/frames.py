@@ -355,11 +355,19 @@ def _add_frames(caller: auth.Caller, session: Session, arrivals: Sequence[_Arriv
             jobs = [enqueue_extraction(session, frame, caller.organisation_id, by=by, is_new=is_new)]
         stored = new.blob if is_new else None
         body = answer_write(session, frame, campaign, jobs, stored=stored)
+        body = body.model_copy(update={"kept": _list_kept(frame, new) or None})
         status, sizes = (200, []) if stored is None else (201, [stored.size_bytes])
         replies.append(
             changes.Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes, had_room=arrival.had_room)
         )
     return replies
+
+
+def _list_kept(frame: FrameRow, new: NewFrame) -> list[str]:
+    """Return what was stated with a file otherwise than it stands of its frame."""
+    stands = {"role": frame.role, "scene": frame.scene, "roi": frame.roi_id, **frame.supplied}
+    stated = {"role": new.role, "scene": new.scene, "roi": new.roi_id, **new.supplied}
+    return [name for name, said in stated.items() if said not in {None, stands.get(name)}]
 
 
 def _plain_name(filename: str) -> str:

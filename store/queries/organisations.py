@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, not_, select
+from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, func, not_, select
 from sqlalchemy.orm import Session
 
 from radiometry.records import Record
@@ -211,11 +211,22 @@ def find_or_add(
     session: Session, table: type[Row], organisation_id: str, values: dict[str, Any], *, by: Collection[str]
 ) -> tuple[Row, bool]:
     """The organisation's row with these values in the columns ``by``, and whether it is new."""
-    same = {name: values[name] for name in by}
-    found = session.scalar(select(table).filter_by(organisation_id=organisation_id, **same))
+    found = find_alike(session, table, organisation_id, {name: values[name] for name in by})
     if found is not None:
         return found, False
     return add(session, table(organisation_id=organisation_id, **values)), True
+
+
+def find_alike(session: Session, table: type[Row], organisation_id: str, same: dict[str, Any]) -> Row | None:
+    """The organisation's row with these values, else one whose texts differ in capitals and outer blanks."""
+    mine = select(table).filter_by(organisation_id=organisation_id)
+    if (found := session.scalar(mine.filter_by(**same))) is not None:
+        return found
+    for name, value in same.items():
+        column = getattr(table, name)
+        is_text = isinstance(value, str)
+        mine = mine.where(func.lower(func.trim(column)) == func.lower(value) if is_text else column == value)
+    return session.scalar(mine.limit(1))
 
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:

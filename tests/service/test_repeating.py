@@ -122,10 +122,17 @@ def test_a_natural_key_answers_with_what_exists(house):
     same = house.http.post("/v1/cameras", json=CAMERA | {"note": "not taken over"})
     assert (camera.status_code, same.status_code) == (201, 200)
     assert same.json() == camera.json()
+    padded = {"make": "dji", "serial": f"{CAMERA['serial']} "}
+    assert house.post("/v1/cameras", CAMERA | padded, status=200)["id"] == camera.json()["id"]
+    other = house.post("/v1/cameras", CAMERA | {"serial": "another"})
+    assert (
+        house.patch(f"/v1/cameras/{other['id']}", padded, status=422)["errors"][0]["field"] == "body.serial"
+    )
     content = house.frame_bytes()
     campaign = house.campaign()
     frame = house.upload(campaign, content, role="light", scene="a")
     assert house.upload(campaign, content, status=200, role="light", scene="a")["id"] == frame["id"]
+    assert house.upload(campaign, content, status=200, role="dark", iso=9)["kept"] == ["role", "iso"]
     house.post("/v1/meters", METER)
     certified = house.post("/v1/meters", METER | {"certificate": CERTIFICATE}, status=200)
     assert certified["certificate"] == CERTIFICATE
