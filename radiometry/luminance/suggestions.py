@@ -155,14 +155,18 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
 
     Nothing here keeps a fit from starting: that is in `list_missing`.
     """
+    # without its scale K is relative only, which matters more than all else
     found: list[str] = [
-        Cause(
-            f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or "
-            "read and photograph it again",
-            codes.READING_FAR_FROM_FRAMES,
-            (far.where,),
-        )
-        for far in check_reading_times(rows, readings)
+        *_plan_meters(readings),
+        *(
+            Cause(
+                f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or "
+                "read and photograph it again",
+                codes.READING_FAR_FROM_FRAMES,
+                (far.where,),
+            )
+            for far in check_reading_times(rows, readings)
+        ),
     ]
     awaited = list_unread_scenes(rows, readings, params)
     light = {row.exposure.iso for row in rows if row.role == "light"}
@@ -284,17 +288,18 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
         for code in advice
         if code == raised.flag
     ]
-    meters = sorted(
-        {r.meter or "" for r in here if r.quantity == "luminance" and r.expanded_uncertainty_rel is None}
-    )
-    found += [
+    return found
+
+
+def _plan_meters(readings: Sequence[Reading]) -> list[Cause]:
+    bare = [r for r in readings if r.expanded_uncertainty_rel is None]
+    return [
         Cause(f"{who}: its calibration uncertainty is not in that of K", codes.METER_CERTIFICATE_MISSING)
-        for meter in meters
+        for meter in sorted({r.meter or "" for r in bare if r.quantity == "luminance"})
         for who in (
             f"the meter {meter} has no certificate" if meter else "some luminance readings name no meter",
         )
     ]
-    return found
 
 
 def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[Gap, ...]:

@@ -6,6 +6,7 @@ from playwright.sync_api import expect
 from tests.service.test_points import HEAD
 from tests.support.browser import DIALOG, check_access, look, settle
 from tests.support.frames import write_frame
+from tests.support.meters import METER
 from tests.support.processes import wait_until
 
 MEANT = {"Scene 1": 54.4, "Scene 2": 23.1, "Scene 3": 7.35, "Scene 4": 2.94, "Scene 5": 1.28, "Scene 6": 0.56}
@@ -63,6 +64,42 @@ def test_a_list_typed_from_the_top_lands_in_the_order_of_the_scenes(page, team, 
     expect(page.locator("#before .tag.warn")).to_have_count(0)
     meant = {scene: [value] for scene, value in MEANT.items()}
     wait_until(lambda: stored(team, campaign) == meant)
+    name_the_meter_afterwards(page, team, campaign)
+    assert stored(team, campaign) == meant
+
+
+def meters_of(team, campaign):
+    readings = team.client.readings(campaign.id)
+    return {each.get("meter_id") for each in readings if not each.get("withdrawn_at")}
+
+
+def name_the_meter_afterwards(page, team, campaign):
+    """Who typed without a meter need not type again; a certificate that lacks is asked for."""
+    mend = page.get_by_role("button", name="State the meter…")
+    mend.click()
+    expect(page.get_by_label("Meter of typed readings")).to_be_focused()
+    with team.http() as http:
+        meter = http.post("/v1/meters", json=METER | {"serial": "1006"}).json()
+    page.reload()
+    page.get_by_label("Meter of typed readings").select_option("Gossen Starlite 2 1006")
+    page.get_by_role("button", name="Name it in 6 readings without a meter").click()
+    expect(page.get_by_text("6 readings recorded.")).to_be_visible()
+    wait_until(lambda: meters_of(team, campaign) == {meter["id"]})
+    expect(page.get_by_text("1006 has no certificate")).to_be_visible()
+    mend.click()
+    dialog = page.get_by_role("dialog", name="Add a certificate")
+    expect(dialog.get_by_label("Serial number")).to_have_value("1006")
+    stated = {
+        "Certificate number": "17",
+        "Laboratory": "PTB",
+        "Issued on": "2026-01-05",
+        "Due on": "2027-01-05",
+        "Expanded uncertainty [%]": "2",
+    }
+    for label, value in stated.items():
+        dialog.get_by_label(label).fill(value)
+    dialog.get_by_role("button", name="Add").click()
+    expect(mend).to_have_count(0)
 
 
 def put(page, label, value):

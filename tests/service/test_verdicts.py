@@ -178,11 +178,11 @@ def test_a_campaign_says_what_a_good_fit_lacks(house, campaign):
     found = house.get(path)
     assert found["missing"] == ["scene level-4 has no luminance reading"]
     assert found["advice"] == [
+        "some luminance readings name no meter: its calibration uncertainty is not in that of K",
         "no dark frames at ISO 3200",
         "ISO 3200: 4 usable levels, add 1 more down to 4 cd/m2 or up to 80 cd/m2",
         "one aperture only at ISO 3200 (f/2.8): its f-number error cannot average out",
         "one reading of scene level-3: a lamp that drifts is not seen, read again after the frames",
-        "some luminance readings name no meter: its calibration uncertainty is not in that of K",
     ]
     changed = house.http.patch(path, json={"recorder": "A. Meier"}).json()
     assert changed["advice"] == found["advice"]

@@ -46,14 +46,15 @@ export function jobCause({ count, newest: { kind, state, error, campaign_id: id,
   };
 }
 
-/** Named in place of a part of the page: a dialog, which the page opens. */
+/** Named in place of a part of the page: dialogs, which the page opens. */
 const PANEL = "panel";
+const METER = "meter";
 const FRAMES = ["frames", "Add frames"];
-const OF_READINGS = ["reading_missing", "reading_off", "reading_far_from_frames", "reading_without_frames", "meter_repeatability_estimated", "meter_certificate_missing", "lamp_drift", "rho_cross_check"];
+const OF_READINGS = ["reading_missing", "reading_off", "reading_far_from_frames", "reading_without_frames", "meter_repeatability_estimated", "lamp_drift", "rho_cross_check"];
 /** By the code of a cause, the part of the campaign's page that mends it; frames mend the others. */
 const PARTS = {
   no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"], lens_differs: ["frames", "Show frames"],
-  panel_unknown: [PANEL, "Choose panel…"], panel_uncertainty_missing: [PANEL, "Choose panel…"],
+  meter_certificate_missing: [METER, "State the meter…"], panel_unknown: [PANEL, "Choose panel…"], panel_uncertainty_missing: [PANEL, "Choose panel…"],
   ...Object.fromEntries(OF_READINGS.map((code) => [code, ["readings", "Enter readings"]])),
 };
 const MARKS = { error: "warn", warn: "gap" };
@@ -81,9 +82,9 @@ export function readinessOf(campaign, sending) {
   return { count, said: count ? `${count} missing` : isComing(campaign, sending) || campaign.causes.some((each) => each.severity === "pending") ? "waiting for frames" : "ready" };
 }
 
-/** The list before a fit: what was refused, what is needed, and what would improve it; the panel is asked for. */
-export function beforeTheFit(campaign, title, { refused, sending, askForPanel }) {
-  const line = ({ mark, title: said, where, part, button }) => ({ mark, title: said, where, tag: mark === "warn" ? h("span", { class: "tag warn" }, "needed") : null, actions: may(part === "frames" ? "upload" : "calibrate") ? [part === PANEL ? small(button, askForPanel) : smallLink(button, `#${part}`)] : [] });
+/** The list before a fit: what was refused, what is needed, and what would improve it; the panel and the meter are asked for. */
+export function beforeTheFit(campaign, title, { refused, sending, dialogs }) {
+  const line = ({ mark, title: said, where, part, button }) => ({ mark, title: said, where, tag: mark === "warn" ? h("span", { class: "tag warn" }, "needed") : null, actions: may(part === "frames" ? "upload" : "calibrate") ? [dialogs[part] ? small(button, dialogs[part]) : smallLink(button, `#${part}`)] : [] });
   const lines = [...refused, ...causesOf(campaign, "", sending).map(line)];
   if (!lines.length) return null;
   return h("section", { id: "before", class: "tight", "aria-labelledby": "before-head" },

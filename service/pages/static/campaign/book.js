@@ -1,7 +1,7 @@
 // The readings of a campaign, the organisation's meters, and how a typed value is recorded.
 
 import { OFFLINE, Turns, newOnce, post, send } from "../api.js";
-import { done, fill, h, remember } from "../dom.js";
+import { act, done, fill, h, remember } from "../dom.js";
 import { counted, groupBy, inOrder } from "../format.js";
 import { about, select } from "../ask.js";
 import { nameOfMeter } from "./target.js";
@@ -132,6 +132,16 @@ export class ReadingBook extends EventTarget {
     });
   }
 
+  /** The readings that the chosen meter may have read, and that name none. */
+  get unnamed() {
+    const kind = this.meters.find((each) => each.id === this.meter_id)?.kind;
+    return this.readings.filter((each) => !each.withdrawn_at && !each.meter_id && each.quantity === kind);
+  }
+
+  nameMeter() {
+    return this.recordAll(this.unnamed.map(({ id, scene, entered_value: value, entered_unit: unit, taken_at, reason }) => ({ ...this.withMeter({ scene, value, unit, taken_at, reason }), replaces: id })));
+  }
+
   async change() {
     await this.refresh();
     this.state.touch();
@@ -157,8 +167,14 @@ export function readingTools(book, registerMeter, paste) {
     draw();
   } });
   const when = select([["", "time not recorded"], ["now", "read now"]], { "aria-label": "Time of typed readings", title: about("NewReading", "taken_at"), onchange: () => (book.now = when.value === "now") });
-  const draw = () => fill(meter, [["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]].map(([value, text]) => h("option", { value, selected: value === book.meter_id }, text)));
+  const naming = h("button", { type: "button", class: "small-button", onclick: (event) => act(event.target, () => book.nameMeter()) });
+  const draw = () => {
+    const { length } = book.unnamed;
+    naming.hidden = !length;
+    naming.textContent = `Name it in ${counted(length, "reading")} without a meter`;
+    fill(meter, [["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]].map(([value, text]) => h("option", { value, selected: value === book.meter_id }, text)));
+  };
   book.addEventListener("change", draw);
   draw();
-  return h("p", { class: "reading-tools small" }, h("span", {}, "Typed readings:"), unit, meter, when, h("button", { type: "button", class: "small-button", onclick: paste }, "Paste readings…"));
+  return h("p", { class: "reading-tools small" }, h("span", {}, "Typed readings:"), unit, meter, naming, when, h("button", { type: "button", class: "small-button", onclick: paste }, "Paste readings…"));
 }

@@ -11,10 +11,12 @@ import { CampaignState, countOwn } from "./state.js";
 
 function overview(state) {
   const element = h("div", { class: "overview" });
+  const opens = (name) => (event) => act(event.target, async () => (await import("./target.js"))[name](state));
+  const dialogs = { panel: opens("choosePanel"), meter: opens("stateMeter") };
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", { refused: refusedCauses(state), sending: state.sending, askForPanel: (event) => act(event.target, async () => (await import("./target.js")).choosePanel(state)) }));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", { refused: refusedCauses(state), sending: state.sending, dialogs }));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);

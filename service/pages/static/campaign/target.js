@@ -163,6 +163,15 @@ export const askForMeter = (meter = {}) => ask({
   action: ({ kind, make, model, serial, ...rest }) => post("/v1/meters", { kind, make, model, serial, ...certificateOf(rest) }),
 });
 
+/** A meter of the readings without a certificate gets one; where they name no meter it can be chosen. */
+export async function stateMeter(state) {
+  const [meters, readings] = await Promise.all([all("/v1/meters"), state.readings()]);
+  const used = new Set(readings.filter((each) => !each.withdrawn_at).map((each) => each.meter_id));
+  const lacking = meters.find((each) => used.has(each.id) && !each.certificate);
+  if (!lacking) document.querySelector(".reading-tools [aria-label^=Meter]").focus();
+  else if (await askForMeter(lacking)) await state.touch();
+}
+
 function certificateOf({ number, laboratory, issued_on, due_on, uncertainty, coverage }) {
   if (!number && !laboratory && !issued_on && !uncertainty) return {};
   if (!number || !laboratory || !issued_on || !due_on || !uncertainty || !coverage) throw wrong("Enter number, laboratory, both dates, uncertainty and coverage factor of the certificate, or leave all of them empty.");
