@@ -232,7 +232,7 @@ class NewReading(models.Form):
     meter_id: models.Text | None = models.maybe(
         "The meter that was read: without it, u(K) does not include its calibration."
     )
-    taken_at: models.PastInstant | None = models.maybe(
+    taken_at: models.Instant | None = models.maybe(
         "When it was read, in UTC: shows whether the lamp drifted between reading and frames."
     )
     reason: models.Text | None = models.maybe(

@@ -6,7 +6,7 @@ import re
 import types
 import unicodedata
 from collections.abc import Iterable, Mapping
-from datetime import date, datetime, timedelta
+from datetime import date, datetime
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -48,7 +48,7 @@ from radiometry.methods.findings import FINDINGS
 from radiometry.specification.roles import ROLES
 from service.http.problems import LINES, SHA256
 from store.queries.frame_times import name_zone
-from store.tables import Base, utc_now
+from store.tables import Base
 
 
 def _name_zone(text: str) -> str:
@@ -149,16 +149,6 @@ Instant = Annotated[
     ),
     WithJsonSchema({"type": "string", "format": "date-time"}, mode="serialization"),
 ]
-_CLOCKS_DIFFER: Final = timedelta(days=1)
-
-
-def _is_not_ahead(instant: datetime) -> datetime:
-    if instant > utc_now() + _CLOCKS_DIFFER:
-        raise PydanticCustomError("ahead", "lies in the future")
-    return instant
-
-
-PastInstant = Annotated[Instant, AfterValidator(_is_not_ahead)]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 

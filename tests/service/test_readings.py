@@ -138,7 +138,6 @@ def test_a_cell_without_end(house):
         (FIRST | {"value": "54,4"}, "body.value"),
         (FIRST | {"meter": "x"}, "body.meter"),
         (FIRST | {"unit": "lx"}, "body"),
-        (FIRST | {"taken_at": "2126-05-01T08:00:00Z"}, "body.taken_at"),
         ([], "body"),
         ([[]], "body.0"),
         (7, "body"),
