@@ -1,5 +1,6 @@
 """One HTTP request and its repetitions: who may be sent again, when, and what comes of the answer."""
 
+import errno
 import hashlib
 import json
 import os
@@ -130,6 +131,8 @@ class Transport:
     def download(self, call: Call, path: Path, *, sha256: str | None = None) -> None:
         """Write an answer to a file in flat memory; until it is complete the file keeps what it held."""
         path = path.resolve()
+        if not path.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
         special = path.exists() and not path.is_file()  # a device or a pipe
         beside = path if special else path.with_name(f".{uuid.uuid4().hex}.part")
 

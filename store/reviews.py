@@ -129,7 +129,7 @@ def _list_lone_readings(rows: Sequence[FrameColumns], evidence: Evidence) -> Ite
             finding=shared.READING_WITHOUT_FRAMES,
             severity="warn",
             subject=f"scene {scene}",
-            detail=f"{name_few('scene', [scene])} has none",
+            detail=f"Scene {scene} has readings and no frames.",
             values={"readings": read[scene]},
         )
 

@@ -57,7 +57,7 @@ TOLERANCE_EXCEEDED = flag(
 )
 METER_REPEATABILITY_ESTIMATED = flag(
     "The meter's repeatability was not given; it was estimated from the scatter between scenes.",
-    "This is usual and not a fault; give `repeatability_u_rel` if you know it.",
+    "This is usual and not a fault; give `meter_repeatability_rel` if you know it.",
 )
 METER_CERTIFICATE_MISSING = flag(
     "A reading names no meter, or its meter has no certificate: K is relative only, its uncertainty lacks "

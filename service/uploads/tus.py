@@ -26,7 +26,7 @@ TUS: Final = "1.0.0"
 PIECE: Final = "application/offset+octet-stream"  # media type of a piece
 _OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
 """What uploaders of browsers say of any file."""
-_COUNT: Final = r"^[0-9]{1,15}$"
+_COUNT: Final = r"^[0-9]{1,18}$"
 _COUNTED: Final[JsonDict] = {"pattern": _COUNT}
 
 

@@ -171,7 +171,7 @@ def list_keys(
     rows = [
         (
             *(key.name, key.person or "", ", ".join(key.scopes), key.state),
-            *(f"{key.last_used_at or 'never'}", key.id),
+            *(f"{key.last_used_at:%Y-%m-%dT%H:%MZ}" if key.last_used_at else "never", key.id),
         )
         for key in found
     ]

@@ -144,7 +144,7 @@ def print_json(result: object) -> None:
 
 def _console(*, stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else _WIDTH_OF_A_PIPE
+    width = None if stream and stream.isatty() else _WIDTH_OF_A_PIPE
     # What is shown comes from files and from the service: no bracket in it is meant for the console.
     return Console(file=stream, width=width, markup=False, highlight=False, emoji=False, soft_wrap=not width)
 

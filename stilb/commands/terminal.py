@@ -105,7 +105,7 @@ def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
         place = f" ({where})" if subjects else ""
         told = each["detail"]
         if not told.lower().endswith(each["action"].lower()):
-            told += f" {each['action']}"
+            told = f"{told.removesuffix('.')}. {each['action']}".removeprefix(". ")
         lines.append(f"{each['severity']} {each['code']}: {told}{place}")
     return lines
 

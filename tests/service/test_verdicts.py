@@ -205,7 +205,7 @@ def test_equal_findings_of_a_campaign_are_one(house, campaign):
     assert (lone["severity"], lone["count"]) == ("warn", 3)
     assert lone["subjects"] == ["scene level-1", "scene level-2", "scene level-3"]
     assert lone["values"]["readings"] == [2, 2, 1]
-    assert lone["values"]["detail"][0] == "scene level-1 has none"
+    assert lone["values"]["detail"][0] == "Scene level-1 has readings and no frames."
     assert lone["action"].startswith("Correct the name of the scene")
 
 

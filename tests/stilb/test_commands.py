@@ -174,6 +174,8 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
     assert "measured: 1 of 1" in ended.err
     table = list(csv.DictReader(saved.read_text().splitlines()))
     assert [row["filename"] for row in table] == ["a.DNG", "a.DNG"]
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        team.client.save_measurements(made.id, tmp_path / "none" / "night.csv")
     rows = json.loads(team.client.save_measurements(made.id, tmp_path / "night.json").read_text())["rows"]
     assert [row["filename"] for row in rows] == ["a.DNG", "a.DNG"]
 
@@ -181,7 +183,7 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("measure",), "give frames, or --campaign"),
+        (("measure",), "give either frames, or --campaign"),
         (("measure", "a.JPG"), "a.JPG is the name of a file, which is not here, and not the id of a frame"),
         (("measure", "f", "--average"), "--average needs two frames or more"),
         (("measure", "f", "--grid", "3x5 1,2"), "--grid needs rows x columns and four corners"),

@@ -61,7 +61,7 @@ def test_equal_findings_are_a_line_with_their_subjects():
     found = {"code": "lamp_drift", "severity": "warn", "count": 20, "subjects": scenes, "values": {}}
     (line,) = format_findings([found | {"detail": "It drifts: wait.", "action": "Wait."}])
     assert "It drifts: wait. (" in line
-    (line,) = format_findings([found | {"detail": "It drifts.", "action": "Wait."}])
+    (line,) = format_findings([found | {"detail": "It drifts", "action": "Wait."}])
     assert line == (
         "warn lamp_drift: It drifts. Wait. (scene level-0, scene level-1, scene level-2, scene level-3, "
         "scene level-4 and 15 more)"
