@@ -99,7 +99,15 @@ SCALE = 0.015  # of the meter, as `evidence.reading` states it
 
 
 def _draw_campaign(
-    random: Random, *, f: float, meter: float, scatter: float, levels: int, current: float = 0.0
+    random: Random,
+    *,
+    f: float,
+    meter: float,
+    scatter: float,
+    levels: int,
+    current: float = 0.0,
+    drift: float | None = None,
+    repeats: int = 1,
 ):
     """K, its frames, the true factor of each aperture and time, the lights, and u(K) of an oracle."""
     time_u = 0.003
@@ -109,10 +117,11 @@ def _draw_campaign(
     scale = 1.0 + SCALE * random.standard_normal()
     rows, kinds = [], []
     for scene, level in lights.items():
-        for a in APERTURES:
+        for n, a in enumerate(APERTURES, 1):
             time_s = float(f"{0.4 * evidence.SPAN * a * a / (evidence.K * 3200.0 * level):.2g}")
             factor = true_t.setdefault(time_s, 1.0 + time_u * random.standard_normal())
             shown = (1.0 + scatter * random.standard_normal()) * factor / true_f[a] ** 2
+            shown *= 1.0 + (drift or 0.0) * n / len(APERTURES)
             signal = evidence.K * time_s * 3200.0 * level / a**2 * shown + 0.2 * random.standard_normal()
             signal += current * time_s
             name = f"{scene}-{a}"
@@ -125,8 +134,12 @@ def _draw_campaign(
             for m in range(3)
         ]
     readings = [
-        evidence.reading(scene, level * scale * (1.0 + meter * random.standard_normal()))
+        evidence.reading(
+            scene,
+            level * scale * (1.0 + meter * random.standard_normal()) * (1.0 + after * (drift or 0.0)),
+        )
         for scene, level in lights.items()
+        for after in range(repeats)
     ]
     same = [np.equal.outer(each, each) for each in map(np.array, zip(*kinds, strict=True))]
     variances = (meter**2, 4 * f**2, time_u**2)
@@ -134,7 +147,8 @@ def _draw_campaign(
         SCALE**2 + scatter**2 * np.eye(len(kinds)) + sum(v * s for v, s in zip(variances, same, strict=True))
     )
     oracle = 1.0 / math.sqrt(np.linalg.inv(covariance + 1e-12 * np.eye(len(kinds))).sum())
-    params = LuminanceParams(f_number_u_rel=f, exposure_time_u_rel=time_u, lamp_drift_u_rel=0.0)
+    lamp_u = 0.0 if drift is None else LuminanceParams().lamp_drift_u_rel
+    params = LuminanceParams(f_number_u_rel=f, exposure_time_u_rel=time_u, lamp_drift_u_rel=lamp_u)
     fitted = luminance.fit(rows, readings, params).iso_fits[0].coefficient
     return fitted, rows, true_f, true_t, lights, oracle
 
@@ -146,11 +160,21 @@ def _k(
     scatter: float = 0.0,
     levels: int = 6,
     current: float = 0.0,
+    drifts: tuple[float, float] | None = None,
+    repeats: int = 1,
     judged: bool = False,
 ) -> Regime:
     def work(random: Random) -> Iterator[Drawn]:
+        drift = None if drifts is None else random.uniform(*drifts)
         k, *_, oracle = _draw_campaign(
-            random, f=f, meter=meter, scatter=scatter, levels=levels, current=current
+            random,
+            f=f,
+            meter=meter,
+            scatter=scatter,
+            levels=levels,
+            current=current,
+            drift=drift,
+            repeats=repeats,
         )
         u = k.luminance_k_standard_uncertainty / evidence.K
         risk = compute_risk(u_rel=u, dof=k.effective_dof or math.inf, tolerance_rel=TOLERANCE)
@@ -158,7 +182,7 @@ def _k(
             k.luminance_k / evidence.K - 1.0,
             u,
             k.expanded_uncertainty / evidence.K,
-            oracle,
+            oracle if drifts is None else math.nan,
             risk if judged else math.nan,
         )
 
@@ -174,6 +198,13 @@ for percent in (1, 3):
 regime("K, three levels, readings repeat to 1 %")(_k(meter=0.01, levels=3))
 for current in (2.0, 20.0):
     regime(f"K, darks of one time, {current:g} DN/s")(_k(current=current))
+
+DRIFT = 0.02  # of a lamp during a scene that is not timed: before the first frame 0
+regime("K, lamps that change by up to 2 % in a scene, read before")(_k(drifts=(-DRIFT, DRIFT)))
+regime("K, lamps that brighten by 2 % in each scene, read before")(_k(drifts=(DRIFT, DRIFT)))
+regime("K, lamps that brighten by 2 % in each scene, read before and after")(
+    _k(drifts=(DRIFT, DRIFT), repeats=2)
+)
 
 
 def _draw_night(random: Random, scatter: float) -> Iterator[tuple[float, AppliedLuminance, float]]:
@@ -226,7 +257,8 @@ def _nights(scatter: float) -> Regime:
 
 
 for percent in (0.3, 1.0, 3.0):
-    regime(f"L, frames scatter by {percent:g} %")(_field(percent / 100.0))
+    draws = 1000 if percent == 3 else 300
+    regime(f"L, frames scatter by {percent:g} %", draws=draws)(_field(percent / 100.0))
     regime(f"two nights with nothing changed, frames scatter by {percent:g} %")(_nights(percent / 100.0))
 
 

@@ -316,6 +316,7 @@ def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
 
 _SMALLEST_SCATTER_REL = 1e-3
 _MOST_ITERATIONS = 50
+_STRIDE = 3
 _TOLERANCE = 1e-3
 
 
@@ -330,21 +331,26 @@ def weigh_points(curve: Curve, *, model: str) -> Curve:
 
     s is at least 0.1 %: no shutter and no lamp repeat to better than that. With one
     frame per scene the error of a reading is one frame's too, and counts as scatter.
+    Rounds of several outliers approach their end slowly: every third goes on in ln w as in `_converge`.
 
     [1] K. L. Lange, R. J. A. Little, J. M. G. Taylor, J. Am. Stat. Assoc. 84, 881 (1989),
         doi:10.1080/01621459.1989.10478852
     """
     if len(set(curve.scenes)) == len(curve.scenes) and curve.repeatability_u_rel is None:
         curve = replace(curve, repeatability_u_rel=0.0)
-    fit = None
-    for _ in range(_MOST_ITERATIONS):
+    fit, last = None, np.zeros(len(curve.rhs))
+    for turn in range(1, _MOST_ITERATIONS + 1):
         fit = fit_curve(curve, model=model, near=fit)
         if fit is None:
             break
         spread: Vector = fit.scatter_errors_rel / max(fit.scatter_u_rel, _SMALLEST_SCATTER_REL)
         weights = (TAIL_DOF + 1.0) / (TAIL_DOF + spread**2)
+        step: Vector = np.log(weights / curve.scatter_weights)
         converged = np.max(np.abs(weights - curve.scatter_weights)) < _TOLERANCE
-        curve = replace(curve, scatter_weights=weights)
+        rate = float(step @ last / (last @ last)) if turn % _STRIDE == 0 else 0.0
+        if not converged and 0.0 < rate < 1.0:
+            weights = np.minimum(weights * np.exp(rate / (1.0 - rate) * step), 1.0 + 1.0 / TAIL_DOF)
+        curve, last = replace(curve, scatter_weights=weights), step
         if converged:
             break
     return curve

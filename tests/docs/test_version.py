@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.19"
-    expected = "6d0a359cd59f71863041a7ede4791e4f183bd7e0d8a2c881203df0533da931f3"
+    assert software.FIT_CODE_VERSION == "0.1.20"
+    expected = "692ad97f3109a62a14456e9682c6fce866eac08ed203cb032dc9fdebb7799c77"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

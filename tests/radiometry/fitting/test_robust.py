@@ -1,6 +1,7 @@
 """Outliers: what they cost by least squares and in a robust fit."""
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -85,6 +86,35 @@ def test_readings_without_scatter_do_not_keep_the_weights_from_converging():
     assert [p.frame for p in robust.points if p.robust_weight < 0.1] == [rows[9].frame]
     assert narrow.frame_scatter_rel == pytest.approx(0.003, rel=0.5)
     assert abs(narrow.luminance_k - K) < narrow.expanded_uncertainty
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-4])
+@pytest.mark.parametrize("model", ["proportional", "affine", "power"])
+@pytest.mark.parametrize("estimator", ["least_squares", "robust"])
+def test_frames_without_noise_are_fitted(noise, model, estimator):
+    """Seven scenes of four apertures on the line to nine digits: no source of error shows a variance."""
+    random, rows, lights = np.random.default_rng(1), [], np.geomspace(50.0, 0.5, 7)
+    for level in lights:
+        for a in (2.8, 4.0, 5.6, 8.0):
+            time_s = float(f"{0.4 * SPAN * a * a / (K * 3200 * level):.2g}")
+            signal = K * time_s * 3200 * level / a**2 * (1 + noise * random.standard_normal())
+            rows.append(light(f"{level}", a, time_s=time_s, luminance=level, signal_dn=signal))
+    rows += [dark(f"{t}-{n}", time_s=t) for t in (0.01, 1.0) for n in "abc"]
+    readings = [reading(f"{each}", each * (1 + noise * random.standard_normal())) for each in lights]
+    found = fit(rows, readings, Params(model=model, estimator=estimator)).iso_fits[0].coefficient
+    assert abs(found.luminance_k - K) < max(found.luminance_k_standard_uncertainty, 1e-3)
+
+
+def test_a_robust_fit_takes_at_most_five_times_as_long(drawn):
+    rows, _ = spoil(drawn, 3, 1.3)
+
+    def measure_s(params):
+        began = time.process_time()
+        fit(rows, drawn.readings, params)
+        return time.process_time() - began
+
+    plain, robust = (min(measure_s(params) for _ in range(3)) for params in (PLAIN, ROBUST))
+    assert robust < 5.0 * plain
 
 
 def test_one_frame_per_scene(drawn):

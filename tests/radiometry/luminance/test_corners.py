@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radiometry.frame.grid import Grid, find_homography
+from radiometry.frame.grid import Grid, find_homography, map_plane
 from radiometry.luminance.surface import Cells, check_grid, displace_cells, judge_uniformity
 from radiometry.road.lanes import LaneGrid, lay_lanes
 
@@ -73,10 +73,13 @@ def test_corners_beyond_a_marked_rectangle_err_as_when_it_is_marked_again():
     assert told[1] > 5 * told[0]
 
 
-def test_figures_have_the_error_of_picked_corners():
-    """U_o and L_av of a slope of light, measured again with 150 draws of the corners."""
+@pytest.mark.parametrize(("length_m", "u_px"), [(30.0, 8.0), (10.0, 2.0)])
+def test_figures_have_the_error_of_picked_corners(length_m, u_px):
+    """U_o and L_av of a slope of light, measured again with 150 draws of the marked corners."""
     corners, random = photograph(ROAD_M, tilt_deg=30, turn_deg=20), np.random.default_rng(2)
-    u_px = 8.0
+    marked = map_plane(
+        find_homography(corners), np.array([(0, 0), (length_m / 30, 0), (length_m / 30, 1), (0, 1)])
+    )
 
     def light(x, y):
         return 10.0 + 6.0 * np.sin(x / 7.0) + 0.4 * y
@@ -84,7 +87,9 @@ def test_figures_have_the_error_of_picked_corners():
     def measure(picked):
         """Light at the cells' middles, where the true homography has them on the road."""
         u, v = np.meshgrid((np.arange(10) + 0.5) / 10, (np.arange(6) + 0.5) / 6)
-        seen = find_homography(picked.tolist()) @ np.stack([u.ravel(), v.ravel(), np.ones(60)])
+        seen = find_homography(lanes_of(picked, length_m=length_m).corners) @ np.stack(
+            [u.ravel(), v.ravel(), np.ones(60)]
+        )
         x, y, w = np.linalg.inv(find_homography(corners.tolist())) @ seen
         return light(30.0 * x / w, 7.0 * y / w).reshape(6, 10)
 
@@ -95,10 +100,11 @@ def test_figures_have_the_error_of_picked_corners():
         )
         return judge_uniformity(cells)
 
-    values = measure(corners)
-    told = judge(values, displace_cells(lanes_of(corners, corner_u_px=u_px), values))
+    values = measure(marked)
+    laid = lanes_of(marked, length_m=length_m, corner_u_px=u_px)
+    told = judge(values, displace_cells(laid, values))
     drawn = [
-        judge(measure(corners + random.normal(0.0, u_px, (4, 2))), np.zeros((0, 6, 10))) for _ in range(150)
+        judge(measure(marked + random.normal(0.0, u_px, (4, 2))), np.zeros((0, 6, 10))) for _ in range(150)
     ]
     for name, loose in (("l_av_cd_m2", 0.15), ("u_o", 0.5), ("max_to_min", 0.5)):
         scatter = np.std([getattr(each, name).value for each in drawn])

@@ -318,6 +318,23 @@ def test_a_centred_lens_loses_nothing_and_another_says_what():
     assert error_in(export(LENS)) > 0.05
 
 
+def test_five_terms_of_a_wide_lens_state_what_three_lose():
+    """cos^4 to 42 degrees, whose steep corner three terms do not follow."""
+    rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH]
+    squared = ((rows - 149.5) ** 2 + (cols - 199.5) ** 2).ravel() / 250.0**2
+    cos4 = (1 + squared * np.tan(np.radians(42.0)) ** 2) ** -2
+    powers = squared[:, None] ** np.arange(1, 6)
+    k = dict(zip(("k1", "k2", "k3", "k4", "k5"), np.linalg.lstsq(powers, cos4 - 1)[0].tolist(), strict=True))
+    wide = replace(CENTRED[0], **k, covariance=tuple(map(tuple, 1e-6 * np.eye(7))))
+    text = export((wide,))
+    (element,) = elements(text)
+    at = squared * 250.0**2 / (149.5**2 + 199.5**2)
+    three = 1 + sum(float(element.get(f"k{n}")) * at**n for n in (1, 2, 3))
+    five = 1 + powers @ np.array(list(k.values()))
+    assert error_in(text) == pytest.approx(np.abs(three / five - 1).max(), abs=1e-4)
+    assert 0.02 < error_in(text) < 0.04
+
+
 def test_names_that_the_schema_would_refuse():
     with pytest.raises(ValueError, match="positive"):
         replace(NAMES, focal_length_mm=0.0)
