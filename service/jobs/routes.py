@@ -99,7 +99,7 @@ class QueueAnswer(models.Answer):
 
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
-_WAIT = re.compile(r"\bwait=(\d{1,4})\b")
+_WAIT = re.compile(r"\bwait\s*=\s*\"?(\d{1,4})\b", re.IGNORECASE)
 _LONGEST_WAIT_S = 60
 _LOGGED = 64  # of many jobs the log of a request names the first
 _SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}

@@ -22,7 +22,6 @@ UNSAID = {
     "/v1/campaigns/{campaign_id}/checklist": r"body\.items\.\d+\.key",
     "/v1/campaigns/{campaign_id}/frames": r"body\.frame_ids",
     "/v1/campaigns/{campaign_id}/motion": r"query\.pixel_pitch_um",
-    "/v1/campaigns/{campaign_id}/readings": r"body(\.\d+)?\.taken_at",
     "/v1/keys": r"body\.expires_at",
     "/v1/meters": r"body\.certificate",  # due before it was issued
     "/v1/tools/exposure": r"query\..*",

@@ -167,7 +167,7 @@ def test_jobs_come_newest_first_and_their_pages_too(house):
 def test_waiting_for_a_job(house):
     frame = house.upload(house.campaign(), b"no raw file", role="light")
     path = f"/v1/jobs/{frame['job_id']}"
-    waited = house.http.get(path, headers={"Prefer": "wait=1"})
+    waited = house.http.get(path, headers={"Prefer": 'Wait = "1"'})
     assert (waited.json()["state"], waited.headers["preference-applied"]) == ("queued", "wait=1")
     with ThreadPoolExecutor(1) as threads:
         answer = threads.submit(house.http.get, path, headers={"Prefer": "respond-async, wait=99"})
