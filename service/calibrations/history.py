@@ -12,7 +12,7 @@ from service.calibrations import schemas
 from service.documents.issuing import build_issued, gather
 from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
-from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text, maybe, told
+from service.http.models import Answer, Form, Instant, Method, Quantity, Reason, Text, maybe, told
 from service.http.paging import Page, UsesPaging
 from service.roads.schemas import RoadResultSummary
 from store import impact as recalls
@@ -156,7 +156,7 @@ class NewCause(Form, one_of="meter_id meter_certificate_number software recorder
 
 class NewPurge(Form):
     cause: NewCause
-    reason: LongText
+    reason: Reason
 
 
 class CondemnedVersion(

@@ -36,7 +36,7 @@ class Exclusion(models.Form):
     """A frame that the fit leaves out, and why."""
 
     frame_id: models.Text
-    reason: models.LongText
+    reason: models.Reason
 
 
 class FitRequest(models.Form):

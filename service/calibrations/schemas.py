@@ -32,7 +32,7 @@ class NewPublication(models.Form):
     valid_to: models.Instant | None = models.maybe(
         "After `valid_from`; without it, until another version replaces it."
     )
-    reason: models.LongText = models.told("Who reviewed the version, and on what grounds; on the record.")
+    reason: models.Reason = models.told("Who reviewed the version, and on what grounds; on the record.")
 
     @model_validator(mode="after")
     def _in_order(self) -> "NewPublication":
@@ -42,7 +42,7 @@ class NewPublication(models.Form):
 
 
 class NewRevocation(models.Form):
-    reason: models.LongText = models.told(
+    reason: models.Reason = models.told(
         "What is wrong with the version; shown with every measurement made with it."
     )
 

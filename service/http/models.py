@@ -46,7 +46,7 @@ from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.roles import ROLES
-from service.http.problems import LINES, SHA256
+from service.http.problems import LINES, SHA256, WRITTEN
 from store.queries.frame_times import name_zone
 from store.tables import Base
 
@@ -73,6 +73,7 @@ Name = Annotated[Text, AfterValidator(lambda text: " ".join(text.split()) or tex
 _LINE_FEEDS: Final = AfterValidator(lambda text: text.replace("\r\n", "\n").replace("\r", "\n"))
 """Lines end as they are stored and printed, whichever machine they were written on."""
 LongText = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pattern=LINES), _LINE_FEEDS]
+Reason = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pattern=WRITTEN), _LINE_FEEDS]
 CurveText = Annotated[str, StringConstraints(min_length=1, max_length=50_000, pattern=LINES), _LINE_FEEDS]
 """A name, or a table of several lines."""
 Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$"), COMPOSED]

@@ -20,6 +20,7 @@ from store.queries.usage import QuotaExceeded
 SHA256 = r"^[0-9a-f]{64}$"
 COUNTRY = r"^[A-Z]{2}$"
 ADDRESS = r"^https?://[!-~]+$"
+WRITTEN = r"^[ \t\r\n]*[^\s\x00-\x1f\x7f-\x9f][^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]*$"
 LINES = r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]*$"
 
 _OBJECT = "must be a JSON object"
@@ -49,6 +50,7 @@ _PATTERNS = {
     SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f",
     COUNTRY: "must be two capital letters of ISO 3166, such as DE",
     ADDRESS: "must be an address such as https://example.org/hook",
+    WRITTEN: "must be words, without control characters other than line breaks and tabs",
     LINES: "must not hold control characters other than line breaks and tabs",
 }
 

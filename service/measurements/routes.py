@@ -317,8 +317,10 @@ class ContrastAnswer(Compared):
 
 def _format_verdict(found: comparison.MeasurementComparison) -> str:
     mean = found.mean
+    if mean.difference.value == 0.0:
+        return "Both are exactly equal."
     if mean.in_standard_uncertainties is None:
-        return "Both are exactly equal." if mean.difference.value == 0.0 else "Neither has an uncertainty."
+        return "Neither has an uncertainty."
     shown, unit = (mean.difference, "") if mean.change is None else (mean.change, " %")
     by = in_step(abs(shown.value), shown.standard_uncertainty)[0] + unit
     moved = "rose" if mean.difference.value > 0.0 else "fell"

@@ -252,7 +252,7 @@ def read_moment(text: str | None) -> str | None:
     if text == "now":
         return datetime.now(UTC).isoformat(timespec="seconds")
     if _DAY.fullmatch(text):
-        return f"{text}T00:00:00Z"
+        text = f"{text}T00:00:00Z"
     try:
         zoned = datetime.fromisoformat(text).tzinfo is not None
     except ValueError:

@@ -88,6 +88,10 @@ def test_a_wrong_field_is_named(house, change, field, message):
     ("request_", "message"),
     [
         (
+            ("post", "/v1/calibrations/x/revoke", {"reason": " \n"}),
+            "must be words, without control characters other than line breaks and tabs",
+        ),
+        (
             ("get", "/v1/calibrations/x/certificate.xml?country=1", None),
             "must be two capital letters of ISO 3166, such as DE",
         ),

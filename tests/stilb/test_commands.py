@@ -194,6 +194,7 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
         (("calibrate", "c", "--set", "x"), "must be written as NAME=VALUE"),
         (("calibrate", "c", "--tolerance", "4"), "--tolerance is a fraction: 0.04 for 4 %"),
         (("k", "0K1XE8", "--at", "yesterday"), "'yesterday' is not a time: give a day"),
+        (("k", "0K1XE8", "--at", "2026-13-01"), "is not a time: give a day"),
         (("k", "0K1XE8", "--at", "2026-05-01T20:00:00"), "a time with its zone"),
         (("k",), "Missing argument"),
         (("jobs", "--limit", "0"), "--limit"),
