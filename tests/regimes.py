@@ -49,6 +49,8 @@ from radiometry.noise import channels, stacks
 from radiometry.noise.results import ChannelBlock
 from radiometry.noise.results import Params as NoiseParams
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance.indices import read_formula
+from radiometry.reflectance.measurement import measure_index
 from radiometry.reflectance.sun import locate_suns_of
 from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.fit import extract as extract_sharpness
@@ -507,6 +509,73 @@ for noise, latitude_deg, shots in (
 for noise in (0.002, 0.02):
     named = f"R, a Sequoia's ten counts to {100 * noise:g} %, sun at 20°"
     regime(named, draws=1000)(_reflectance(noise, 20.0, 1, counted=True))
+
+
+# near infrared and red: wavelength [nm], reflectance of a canopy and of a panel
+INDEXED = {"nir": (840.0, 0.45, 0.61), "red": (668.0, 0.05, 0.68)}
+
+
+def _ndvi(noise: float) -> Regime:
+    """NDVI of one capture by one of a panel that is levelled by eye; clear air, and haze of any amount."""
+    at = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0, "latitude_deg": 40.0}
+    header = dataclasses.replace(SHOT.header, **at)
+    (position,) = locate_suns_of(header)
+    height, azimuth = math.radians(position.elevation_deg), math.radians(position.azimuth_deg)
+    sun = np.array(
+        [math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), -math.sin(height)]
+    )
+    readings = [
+        dataclasses.replace(PANEL_READING, band=band, reflectance=panel, standard_uncertainty=0.01 * panel)
+        for band, (_, _, panel) in INDEXED.items()
+    ]
+    truth = (0.45 - 0.05) / (0.45 + 0.05)
+
+    def work(random: Random) -> Iterator[Drawn]:
+        haze = max(0.0, random.normal(0.15, 0.144))
+        mount = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
+
+        def see(role: str, facing: np.ndarray):
+            """One capture: the bands share attitude, mount and haze, and each has its own reading."""
+            yaw, tilt = random.uniform(0, 2 * math.pi), random.normal(0.0, math.radians(4.0), 2)
+            own = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
+            cosine = max(0.0, float(_turn(yaw, *(tilt + mount + own)) @ sun))
+            stated = dict(zip(("pitch_deg", "roll_deg"), np.degrees(tilt).tolist(), strict=True))
+            rows = []
+            for band, (wavelength_nm, canopy, panel) in INDEXED.items():
+                r = wavelength_nm / 650.0
+                odds = 0.05 * r**-4 + haze * r**-1.3
+                diffuse = odds / (1 + odds)
+                light = (1 - diffuse) * cosine * _pass(cosine) / _pass(1.0) / math.sin(height) + diffuse
+                lit = (1 - diffuse) * float(facing @ sun) / math.sin(height) + diffuse
+                true = panel * (1 + 0.01 * random.standard_normal()) if role == "panel" else canopy
+                sensor = SunshineIrradiance(
+                    irradiance_w_m2_nm=light * (1 + noise * random.standard_normal()),
+                    quantity="spectral", unit_origin="tag", yaw_deg=math.degrees(yaw), **stated,
+                )  # fmt: skip
+                features = dataclasses.replace(SHOT.features, band=band, i_sq=true * lit, gradient_rel=0.0)
+                row = dataclasses.replace(
+                    SHOT, frame=f"{role}-{band}", role=role, header=header, features=features
+                )
+                told = {"band": band, "wavelength_nm": wavelength_nm, "counts": None, "irradiance": sensor}
+                rows += change_band([row], **told)
+            return rows
+
+        leant = _turn(random.uniform(0, 2 * math.pi), *random.normal(0.0, math.radians(2.0), 2))
+        fit = reflectance.fit(see("panel", leant), readings, reflectance.Params(drift_half_hour_rel=0.0))
+        known = [each.coefficient for each in fit.band_fits]
+        bands = [
+            reflectance.apply_features(row.features, header=row.header, coefficients=known)
+            for row in see("field", np.array([0.0, 0.0, -1.0]))
+        ]
+        found = measure_index(read_formula("ndvi"), bands, coefficients=known)
+        value = found.value
+        yield Drawn(value.value - truth, value.standard_uncertainty, found.expanded_uncertainty or math.nan)
+
+    return work
+
+
+for noise in (0.01, 0.025, 0.05):
+    regime(f"NDVI, one light reading to {100 * noise:g} %, sun at 40°", draws=1000)(_ndvi(noise))
 
 
 # --- roads: 8 control points, patches of 5 and 10 %, b1 within 0.3
