@@ -106,10 +106,12 @@ def sort_card(
     roles = {role.name: role for role in _roles(spec)}
     usual = next((role for role in roles.values() if role.has_scene), spec.roles[0])
     words = _words([spec])
+    named = [_name_role(frame.name, words) for frame in frames]
+    # where people name their dark frames, what else is dark is a light frame of a weak lamp
+    seen_by_centre = DARK.name in roles and DARK.name not in named
     placed = []
-    for frame, below in zip(frames, _below_common_folder(frames), strict=True):
-        dark = DARK.name if DARK.name in roles and frame.is_dark else None
-        role = _name_role(frame.name, words) or dark or usual.name
+    for frame, below, stated in zip(frames, _below_common_folder(frames), named, strict=True):
+        role = stated or (DARK.name if seen_by_centre and frame.is_dark else usual.name)
         placed.append(below.model_copy(update={"role": role}))
     lit = [frame for frame in placed if frame.role in roles and roles[frame.role].has_scene]
     scenes = _name_scenes(lit, there)
@@ -218,7 +220,7 @@ def propose_frames(
     """Propose method, roles and scenes for the frames of a card, from their headers.
 
     Nothing is stored. Scenes follow from folders, pauses and changes of exposure; dark frames
-    from their names or the brightness of their centre.
+    from their names, else from the brightness of their centre.
     """
     method: str | None = body.method
     kind: str | None = body.kind

@@ -43,7 +43,7 @@ def test_folders_name_scenes(root):
 
 def test_one_folder_names_a_scene_only_if_its_frames_are_of_one_time():
     dark = frame("card/dark/9.DNG", 50, signal=0.0)
-    one = [frame(f"card/hall/{n}.DNG", n / 10) for n in range(4)]
+    one = [frame(f"card/hall/{n}.DNG", n / 10, signal=0.001 * n) for n in range(4)]
     assert [scene for _, scene in sort([*one, dark])[2]] == ["hall"] * 4 + [None]
     two = [*one, *(frame(f"card/hall/{n}.DNG", 30 + n / 10) for n in range(4, 8))]
     assert [scene for _, scene in sort([*two, dark])[2]] == ["Scene 1"] * 4 + ["Scene 2"] * 4 + [None]
