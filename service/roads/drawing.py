@@ -15,6 +15,7 @@ Place = tuple[float, float]
 
 _LONG_PX: Final = 900.0
 _LABEL_PX: Final = 12
+_LINES: Final = (0, 1, -1, 2, -2)
 _STYLE: Final = (
     f'font-size="{_LABEL_PX}" font-family="sans-serif" font-weight="600" text-anchor="middle" '
     'paint-order="stroke" stroke-linejoin="round" fill="#ffffff" stroke="#10141a" stroke-width="3"'
@@ -33,6 +34,7 @@ class Canvas:
         size = _LONG_PX, self.scale * (y_m[1] - y_m[0])
         self.width, self.height = size[::-1] if is_upright else size
         self.parts: list[str] = []
+        self._written: list[tuple[float, float, float]] = []  # middle and half width of each text
 
     def place(self, x_m: float, y_m: float) -> Place:
         along, across = self.scale * (x_m - self._x0), self.scale * (y_m - self._y0)
@@ -50,9 +52,19 @@ class Canvas:
         x, y = self.place(*place)
         self.parts.append(f'<path d="M{x:.1f} {y:.1f}{path}" {style}/>')
 
-    def text(self, place: Place, words: str, *, dy: float = 4.0) -> None:
+    def text(self, place: Place, words: str) -> None:
+        """Write words in the middle of a place, or lines above or below it where others stand."""
         x, y = self.place(*place)
-        self.parts.append(f'<text x="{x:.1f}" y="{y + dy:.1f}" {_STYLE}>{escape(words)}</text>')
+        half, line = 0.3 * _LABEL_PX * len(words), _LABEL_PX + 2.0
+        found = next((each for each in (y + line * n for n in _LINES) if self._is_free(x, each, half)), y)
+        self._written.append((x, found, half))
+        self.parts.append(f'<text x="{x:.1f}" y="{found + 4.0:.1f}" {_STYLE}>{escape(words)}</text>')
+
+    def _is_free(self, x: float, y: float, half: float) -> bool:
+        apart = (
+            abs(x - at) >= half + other or abs(y - level) > _LABEL_PX for at, level, other in self._written
+        )
+        return _LABEL_PX <= y <= self.height - _LABEL_PX and all(apart)
 
     def length(self, x_m: Place, y_m: float, words: str) -> None:
         self.line([(x_m[0], y_m), (x_m[1], y_m)], 'stroke="#ffffff" stroke-width="2"')
@@ -153,8 +165,8 @@ def _draw_control(canvas: Canvas, site: Node, extent: Node, control: Sequence[Ma
         is_near = each["y_m"] < (low + high) / 2.0
         beside = (low + extent["y_m"][0]) / 2.0 if is_near else (high + extent["y_m"][1]) / 2.0
         canvas.line([place, (each["x_m"], beside)], 'stroke="#ffffff" stroke-width="1"')
-        for number, words in enumerate(list_labels(each)):
-            canvas.text((each["x_m"], beside), words, dy=4.0 + number * (_LABEL_PX + 2))
+        for words in list_labels(each):
+            canvas.text((each["x_m"], beside), words)
         if each["state"] == "agrees":
             canvas.circle(place, 5, _DOT)
         else:

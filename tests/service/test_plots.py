@@ -11,6 +11,7 @@ from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
 from service.pages.cameras import View, draw_figure
+from service.roads.drawing import Canvas
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"
@@ -386,3 +387,12 @@ def test_the_surface_is_dark_in_the_corner_and_downward_as_the_frame_is():
     shades = [float(each.get("fill-opacity")) for each in cells]
     assert max(shades) == shades[0] > 0.9
     assert min(shades) < 0.01
+
+
+def test_texts_on_the_map_of_a_road_lie_over_no_other():
+    canvas = Canvas((0.0, 50.0), (0.0, 10.0))
+    for x_m in (20.0, 21.5, 40.0):
+        canvas.text((x_m, 9.0), "P1 16.4 lx")
+    first, second, third = (float(y) for y in re.findall(r'<text x="[\d.]+" y="([\d.]+)"', canvas.finish()))
+    assert abs(first - second) > 12
+    assert third == first
