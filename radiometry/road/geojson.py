@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 Shape = tuple[str, Any, Mapping[str, Any]]
 """Kind of a geometry, its places, and what is stated of it."""
 
+_MOST_SLANT = 0.1  # of a row against the first: what is drawn by hand is not quite parallel
+_LEAST_FILLED = 0.85  # share of its bounds along and across the road that the polygon of a strip covers
+
 
 def turn_axes(origin: Origin) -> Array:
     """Return the east and north of x and of y, as columns."""
@@ -140,12 +143,21 @@ def _find_origin(line_deg: Array, ring_deg: Array) -> Origin:
 
 
 def _read_row(line_m: Array, stated: Mapping[str, Any]) -> Row:
-    (x, y), (to, _) = line_m[:2].tolist()
+    (x, y), (to, beside) = line_m[:2].tolist()
+    if abs(beside - y) > _MOST_SLANT * abs(to - x):
+        raise codes.SITE_INVALID.refuse("Two luminaires of a row lie across the road: x runs along the rows.")
     return Row(y_m=y, height_m=float(stated["height_m"]), spacing_m=to - x, first_x_m=x)
 
 
 def _read_strip(ring_m: Array, stated: Mapping[str, Any]) -> Strip:
     near, far = float(ring_m[:, 1].min()), float(ring_m[:, 1].max())
+    x, y = (ring_m - ring_m[0]).T
+    area_m2 = abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))) / 2.0
+    if area_m2 < _LEAST_FILLED * float(np.ptp(x)) * (far - near):
+        raise codes.SITE_INVALID.refuse(
+            f"The polygon of {stated['name']} is no rectangle along the first row of luminaires: straighten "
+            "it, or give it the kind area."
+        )
     return Strip(**_name(stated), kind=stated["kind"], y_m=near, width_m=far - near)
 
 

@@ -51,6 +51,17 @@ def test_points_are_features_with_their_figures():
     assert found["properties"] == point
 
 
+@pytest.mark.parametrize(("feature", "match"), [(0, "across the road"), (2, "1 is no rectangle")])
+def test_what_runs_across_the_road_is_refused(feature, match):
+    """A row is read by its spacing along x, and a strip by its bounds: slanted, both would be others."""
+    document = write_site(make_full(origin=None))
+    geometry = document["features"][feature]["geometry"]
+    places = geometry["coordinates"] if geometry["type"] == "LineString" else geometry["coordinates"][0]
+    places[1][1] += 5.0
+    with pytest.raises(InputRejected, match=match):
+        read_site(document)
+
+
 @pytest.mark.parametrize("document", [{}, {"features": [{"geometry": None}]}, {"features": []}])
 def test_what_is_no_site_is_refused(document):
     with pytest.raises(InputRejected, match="GeoJSON"):
