@@ -147,13 +147,6 @@ def _find_replaced(
 
 
 def _columns(form: NewReading) -> dict[str, Any]:
-    return {
-        "scene": form.scene,
-        "quantity": form.quantity,
-        "value": form.value * _SI[form.unit],
-        "entered_value": form.value,
-        "entered_unit": form.unit,
-        "taken_at": form.taken_at,
-        "reason": form.reason,
-        **({"meter_id": form.meter_id} if form.meter_id else {}),
-    }
+    said = form.model_dump(exclude={"value", "unit", "replaces"}, exclude_none=True)
+    value = form.value * _SI[form.unit]
+    return said | {"value": value, "entered_value": form.value, "entered_unit": form.unit}

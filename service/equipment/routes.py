@@ -16,15 +16,8 @@ from service.equipment import schemas
 from service.http import answers, auth, changes, lookup, models, operations, paging, problems
 from service.http.context import UsesContext
 from store.codec import encode
-from store.queries import fleet
+from store.queries import fleet, organisations
 from store.queries.campaigns import check_again
-from store.queries.organisations import (
-    find_alike,
-    find_or_add,
-    find_or_add_camera,
-    find_or_add_meter,
-    find_or_add_panel,
-)
 from store.tables import Calibration, Camera, Campaign, Meter, Panel, Rig
 
 router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
@@ -33,8 +26,7 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 @router.post("", **answers.makes(schemas.CameraAnswer, "It was registered already."))
 def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a camera body, with the names that it writes into its files."""
-    columns = _columns(body)
-    camera, new = find_or_add_camera(session, caller.organisation_id, columns)
+    camera, new = organisations.find_or_add_camera(session, caller.organisation_id, _columns(body))
     return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 
 
@@ -68,11 +60,10 @@ def change_camera(
         setattr(camera, name, None if value == "" else value)
     jobs = []
     if _names(camera) != before:
-        names = dict(zip(("make", "model", "serial"), _names(camera), strict=True))
         with session.no_autoflush:
-            if find_alike(session, Camera, caller.organisation_id, names) not in {None, camera}:
-                message = "is that of another camera of yours: move the campaign to it"
-                raise problems.wrong("body.serial", message)
+            alike = organisations.find_alike(session, Camera, caller.organisation_id, _names(camera))
+        if alike not in {None, camera}:
+            raise problems.wrong("body.serial", "is that of another camera of yours: move the campaign to it")
         mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
         campaigns = session.scalars(mine.order_by(Campaign.id)).all()
         jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
@@ -87,8 +78,8 @@ def _columns(body: schemas.NewCamera | schemas.CameraChange) -> dict[str, Any]:
     return columns
 
 
-def _names(camera: Camera) -> tuple[str, str, str]:
-    return camera.make, camera.model, camera.serial
+def _names(camera: Camera) -> dict[str, str]:
+    return {"make": camera.make, "model": camera.model, "serial": camera.serial}
 
 
 meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
@@ -100,7 +91,7 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
 )
 def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a meter, with its calibration certificate where there is one."""
-    meter, new = find_or_add_meter(session, caller.organisation_id, body.columns())
+    meter, new = organisations.find_or_add_meter(session, caller.organisation_id, body.columns())
     return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
 
 
@@ -132,7 +123,7 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
 def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Session) -> changes.Reply:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
     values = body.columns()
-    panel, new = find_or_add_panel(session, caller.organisation_id, values)
+    panel, new = organisations.find_or_add_panel(session, caller.organisation_id, values)
     if panel.bands != values["bands"]:
         raise problems.Problem(
             interface.PANEL_DIFFERS,
@@ -258,7 +249,9 @@ def create_rig(body: NewRig, caller: auth.Calibrator, session: Session) -> chang
     if len(set(serials)) < len(serials):
         message = "two cameras have one serial number, so that an answer could not tell them apart"
         raise problems.wrong("body.camera_ids", message)
-    rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
+    rig, new = organisations.find_or_add(
+        session, Rig, caller.organisation_id, body.model_dump(), by=("name",)
+    )
     if rig.camera_ids != body.camera_ids:
         raise problems.Problem(
             interface.RIG_DIFFERS,

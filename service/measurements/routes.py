@@ -14,7 +14,6 @@ from radiometry.fitting.comparison import Comparison
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication
 from service.http import answers, auth, changes, lookup, models, operations
-from service.http.answers import problems
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
@@ -338,7 +337,9 @@ comparisons_router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 @comparisons_router.get(
-    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(409)
+    "/measurements/{measurement_id}/comparison",
+    response_model=ContrastAnswer,
+    responses=answers.problems(409),
 )
 def contrast_measurements(
     measurement_id: lookup.Id,
