@@ -192,12 +192,12 @@ def _k(
 
 
 regime("K, apertures off by 1.5 %")(_k(f=0.015))
-regime("K, readings repeat to 3 %")(_k(meter=0.03))
+regime("K, readings repeat to 3 %", draws=1000)(_k(meter=0.03))
 regime("K, frames scatter by 1 %")(_k(scatter=0.01))
 for percent in (1, 3):
     named = f"K beyond 4 % by the stated risk, four levels, readings repeat to {percent} %"
     regime(named, draws=600)(_k(meter=percent / 100.0, levels=4, judged=True))
-regime("K, three levels, readings repeat to 1 %")(_k(meter=0.01, levels=3))
+regime("K, three levels, readings repeat to 1 %", draws=1000)(_k(meter=0.01, levels=3))
 for current in (2.0, 20.0):
     regime(f"K, darks of one time, {current:g} DN/s")(_k(current=current))
 
@@ -259,8 +259,7 @@ def _nights(scatter: float) -> Regime:
 
 
 for percent in (0.3, 1.0, 3.0):
-    draws = 1000 if percent == 3 else 300
-    regime(f"L, frames scatter by {percent:g} %", draws=draws)(_field(percent / 100.0))
+    regime(f"L, frames scatter by {percent:g} %", draws=1000)(_field(percent / 100.0))
     regime(f"two nights with nothing changed, frames scatter by {percent:g} %")(_nights(percent / 100.0))
 
 
