@@ -60,7 +60,7 @@ def add_campaign_readings(
     A reading that `replaces` another one takes its place, and the other stays in the record, withdrawn.
     """
     forms = [body] if isinstance(body, NewReading) else body
-    _require_meters(session, forms, caller)
+    lookup.require_meters(session, [(form.meter_id, form.quantity) for form in forms], caller)
     meters = [lookup.owned(session, Meter, each, caller) for each in meter_id or ()]
     # a meter's kind is the quantity that it reads; which of two was read could not be known
     usual = {meter.kind: meter.id for meter in meters}
@@ -103,17 +103,6 @@ def restore_reading(
     reading.withdrawn_at = None
     session.flush()
     return changes.Reply(status=200, body=ReadingAnswer.of(reading))
-
-
-def _require_meters(session: Session, forms: list[NewReading], caller: auth.Caller) -> None:
-    """Refuse a meter of another quantity: the uncertainty on its certificate is not that of the reading."""
-    ids = {form.meter_id for form in forms if form.meter_id}
-    kinds = {each: lookup.owned(session, Meter, each, caller).kind for each in ids}
-    for form in forms:
-        if form.meter_id and (kind := kinds[form.meter_id]) != form.quantity:
-            raise wrong(
-                "meter_id", f"is of a meter of {kind}; the reading of {form.scene} is {form.quantity}"
-            )
 
 
 def _find_replaced(

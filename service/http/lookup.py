@@ -1,6 +1,6 @@
 """Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, TypeVar
 
@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.interfaces import ORMOption
 
 from service.http import auth, problems
-from store.tables import Base, Campaign, FrameRow, Reading
+from store.tables import Base, Campaign, FrameRow, Meter, Reading
 
 Row = TypeVar("Row", bound=Base)
 
@@ -44,6 +44,13 @@ def owned(
     if row is None:
         raise problems.not_found(_name(table))
     return row
+
+
+def require_meters(session: Session, readings: Iterable[tuple[str | None, str]], caller: auth.Caller) -> None:
+    """Refuse a meter of another kind than the quantity read: its certificate says nothing of that reading."""
+    for meter_id, quantity in set(readings):
+        if meter_id and (kind := owned(session, Meter, meter_id, caller).kind) != quantity:
+            raise problems.wrong("meter_id", f"is that of a meter of {kind}; the reading is of {quantity}")
 
 
 def is_own(annotation: Any) -> bool:  # noqa: ANN401  of a parameter

@@ -163,9 +163,7 @@ def put_road_points(
     names = [point.name for point in body]
     if len(set(names)) < len(names):
         raise wrong("body", "names a point twice; repeated readings are further values of one point")
-
-    for named in {point.meter_id for point in body if point.meter_id}:
-        lookup.owned(session, Meter, named, caller)
+    lookup.require_meters(session, [(point.meter_id, point.quantity) for point in body], caller)
     road.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
     session.flush()
     return changes.Reply(status=200, body=schemas.RoadPoints.model_validate({"items": road.points}))

@@ -156,7 +156,7 @@ def test_a_reading_names_its_meter(house):
     assert house.post(path, FIRST | {"meter_id": meter["id"]})["meter_id"] == meter["id"]
     assert house.post(path, FIRST | {"meter_id": "met_no"}, status=404)["code"] == "not_found"
     problem = house.post(path, [FIRST, SECOND | {"meter_id": meter["id"]}], status=422)
-    assert problem["detail"] == "meter_id: is of a meter of luminance; the reading of level-1 is illuminance"
+    assert problem["detail"] == "meter_id: is that of a meter of luminance; the reading is of illuminance"
 
 
 def test_a_withdrawn_reading_counts_no_more_and_stays_in_the_record(house):

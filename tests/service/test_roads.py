@@ -101,6 +101,7 @@ def test_what_cannot_be_used_is_refused_by_name(house, road):
     points = list_points(house.post("/v1/meters", METER, status=200)["id"])
     refuse(path, [points[0], points[0]], "PUT")
     refuse(path, [points[0] | {"unit": "cd/m2"}], "PUT")
+    assert "meter" in refuse(path, [points[0] | {"quantity": "luminance", "unit": "cd/m2"}], "PUT")["detail"]
     without = house.post("/v1/roads", stated)
     assert "frames" in refuse(f"/v1/roads/{without['id']}/evaluate", None)["detail"]
 
