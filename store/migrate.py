@@ -10,7 +10,6 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.database import Database, SchemaDiffers, summarise
-from store.ready.rows import write_missing
 from store.settings import read_settings
 from store.software import MIGRATIONS, list_revisions, own_schema
 
@@ -39,7 +38,9 @@ def migrate(database: Database, revision: str = "head") -> None:
         config = alembic_config()
         config.attributes["connection"] = connection
         command.upgrade(config, revision)
-        if _read_revision(connection) == own_schema():
+        if current is not None and _read_revision(connection) == own_schema():
+            from store.ready.rows import write_missing  # noqa: PLC0415  it loads all methods
+
             with Session(connection, join_transaction_mode="rollback_only") as session:
                 write_missing(session)
                 session.flush()
