@@ -157,7 +157,7 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     """
     # without its scale K is relative only, which matters more than all else
     found: list[str] = [
-        *_plan_meters(readings),
+        *_plan_meters(rows, readings),
         *(
             Cause(
                 f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or "
@@ -291,8 +291,9 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
     return found
 
 
-def _plan_meters(readings: Sequence[Reading]) -> list[Cause]:
-    bare = [r for r in readings if r.expanded_uncertainty_rel is None]
+def _plan_meters(rows: Sequence[FrameRow], readings: Sequence[Reading]) -> list[Cause]:
+    shown = {row.scene for row in rows if row.role == "light"}
+    bare = [r for r in readings if r.scene in shown and r.expanded_uncertainty_rel is None]
     return [
         Cause(f"{who}: its calibration uncertainty is not in that of K", codes.METER_CERTIFICATE_MISSING)
         for meter in sorted({r.meter or "" for r in bare if r.quantity == "luminance"})

@@ -28,7 +28,7 @@ CHANGES = re.findall(r"^## (\d+\.\d+\.\d+) ", Path("CHANGELOG.md").read_text(enc
 
 
 # what is judged when it is asked for, by the code of now
-JUDGED = {".flags", ".to_do_better", ".missing", ".advice", ".findings"}
+JUDGED = {".flags", ".to_do_better", ".missing", ".advice", ".findings", ".findings.action"}
 
 
 def fill(database, tables):

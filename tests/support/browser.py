@@ -14,6 +14,8 @@ from PIL import Image
 from playwright._impl._driver import compute_driver_executable
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, Route, expect
 
+from tests.support.processes import wait_until
+
 WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
 CHROMIUM = (
     os.environ.get("STILB_CHROMIUM")
@@ -160,7 +162,8 @@ def look(page: Page, name: str, folder: Path | None = None) -> None:
         )
         assert across <= room, f"{name} is {across} px wide in {room} px"
         assert page.locator("header.top, header.top *, .tabs").evaluate_all(SCROLL_BARS) == [], name
-        assert page.locator(".chart rect[width]").evaluate_all(MISDRAWN) == [], name
+        # a chart is drawn anew a moment after its place has another width
+        wait_until(lambda: page.locator(".chart rect[width]").evaluate_all(MISDRAWN) == [], name)
         if into is not None:
             into.mkdir(parents=True, exist_ok=True)
             page.screenshot(path=into / f"{name}-{label}.png", full_page=True)
