@@ -68,9 +68,10 @@ def test_a_list_typed_from_the_top_lands_in_the_order_of_the_scenes(page, team, 
     assert stored(team, campaign) == meant
 
 
-def meters_of(team, campaign):
+def told_of(team, campaign):
+    """Meter and time of the readings that count."""
     readings = team.client.readings(campaign.id)
-    return {each.get("meter_id") for each in readings if not each.get("withdrawn_at")}
+    return {(each.get("meter_id"), each.get("taken_at")) for each in readings if not each.get("withdrawn_at")}
 
 
 def name_the_meter_afterwards(page, team, campaign):
@@ -82,9 +83,14 @@ def name_the_meter_afterwards(page, team, campaign):
         meter = http.post("/v1/meters", json=METER | {"serial": "1006"}).json()
     page.reload()
     page.get_by_label("Meter of typed readings").select_option("Gossen Starlite 2 1006")
-    page.get_by_role("button", name="Name it in 6 readings without a meter").click()
-    expect(page.get_by_text("6 readings recorded.")).to_be_visible()
-    wait_until(lambda: meters_of(team, campaign) == {meter["id"]})
+    page.get_by_label("Time of typed readings").select_option("read now")
+    naming = page.get_by_role("button", name="Name it in 6 readings without a meter")
+    for back in (True, False):
+        naming.click()
+        wait_until(lambda: told_of(team, campaign) == {(meter["id"], None)})
+        if back:
+            page.locator("#toasts").get_by_role("button", name="Undo").last.click()
+            wait_until(lambda: told_of(team, campaign) == {(None, None)})
     expect(page.get_by_text("1006 has no certificate")).to_be_visible()
     mend.click()
     dialog = page.get_by_role("dialog", name="Add a certificate")

@@ -15,6 +15,9 @@ const connection = () => new Promise((done) => {
   setTimeout(done, RETRY_MS);
 });
 
+/** A reading to be recorded again: what it does not state is null, and is not taken from what is chosen for typed ones. */
+const again = ({ scene, entered_value: value, entered_unit: unit, meter_id = null, taken_at = null, reason }) => ({ scene, value, unit, meter_id, taken_at, reason });
+
 export class ReadingBook extends EventTarget {
   constructor(state) {
     super();
@@ -79,7 +82,7 @@ export class ReadingBook extends EventTarget {
     }
     this.told.delete(scene);
     // a corrected figure was read with the same meter at the same time
-    const reading = this.withMeter({ scene, ...read, ...(seen ? { meter_id: seen.meter_id, taken_at: seen.taken_at } : {}), reason });
+    const reading = this.withMeter({ ...(seen ? again(seen) : { scene }), ...read, reason });
     const once = newOnce();
     const send = async () => {
       const [made] = await this.record([{ ...reading, ...(seen === undefined ? {} : { replaces: seen?.id ?? "" }) }], once);
@@ -107,8 +110,8 @@ export class ReadingBook extends EventTarget {
   }
 
   /** An earlier reading takes the place of the one that had taken its own. */
-  async putBack({ scene, entered_value: value, entered_unit: unit, meter_id, taken_at, reason, ...old }, made = this.of(scene).find((each) => each.created_at === old.withdrawn_at)) {
-    await this.record([{ ...this.withMeter({ scene, value, unit, meter_id, taken_at, reason }), replaces: made.id }]);
+  async putBack(old, made = this.of(old.scene).find((each) => each.created_at === old.withdrawn_at)) {
+    await this.record([{ ...this.withMeter(again(old)), replaces: made.id }]);
   }
 
   withMeter({ scene, value, unit, reason, meter_id: meter = this.meter_id, taken_at: taken = this.now ? new Date().toISOString() : "" }) {
@@ -139,7 +142,7 @@ export class ReadingBook extends EventTarget {
   }
 
   nameMeter() {
-    return this.recordAll(this.unnamed.map(({ id, scene, entered_value: value, entered_unit: unit, taken_at, reason }) => ({ ...this.withMeter({ scene, value, unit, taken_at, reason }), replaces: id })));
+    return this.recordAll(this.unnamed.map((each) => ({ ...this.withMeter({ ...again(each), meter_id: this.meter_id }), replaces: each.id })));
   }
 
   async change() {
