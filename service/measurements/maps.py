@@ -79,11 +79,8 @@ def read_layout(path: Path) -> Layout:
 
 def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
     """Return means over whole squares of `step` pixels from the window's corner on; NaN where unknown."""
-    size, rows, cols = (
-        layout.tile_px,
-        (window.bottom - window.top) // step,
-        (window.right - window.left) // step,
-    )
+    rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
+    size = layout.tile_px
     if not rows or not cols:
         return np.zeros((rows, cols), np.float32)
     bottom, right = window.top + rows * step, window.left + cols * step

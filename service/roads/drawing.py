@@ -15,7 +15,7 @@ Place = tuple[float, float]
 
 _LONG_PX: Final = 900.0
 _LABEL_PX: Final = 12
-_LINES: Final = (0, 1, -1, 2, -2)
+_LINES: Final = (0, 1, -1, 2, -2)  # below its place, where room for a text is looked for
 _STYLE: Final = (
     f'font-size="{_LABEL_PX}" font-family="sans-serif" font-weight="600" text-anchor="middle" '
     'paint-order="stroke" stroke-linejoin="round" fill="#ffffff" stroke="#10141a" stroke-width="3"'

@@ -173,7 +173,7 @@ def _find_folder(
     if len(frames) == 1 and Path(frames[0]).is_dir():
         return Path(frames[0])
     if bool(frames) == (campaign is not None):
-        raise typer.BadParameter("give either frames, or --campaign; files here are sent as a folder")
+        raise typer.BadParameter("give the ids of frames, a folder to send, or --campaign")
     for option, value in of_campaigns.items():
         if value is not None and campaign is None:
             raise typer.BadParameter(f"{option} needs --campaign, or a folder")

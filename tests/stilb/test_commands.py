@@ -183,7 +183,7 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("measure",), "give either frames, or --campaign"),
+        (("measure",), "give the ids of frames, a folder to send, or --campaign"),
         (("measure", "a.JPG"), "a.JPG is the name of a file, which is not here, and not the id of a frame"),
         (("measure", "f", "--average"), "--average needs two frames or more"),
         (("measure", "f", "--grid", "3x5 1,2"), "--grid needs rows x columns and four corners"),
