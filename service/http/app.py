@@ -35,6 +35,24 @@ from service.tools import routes as tools
 from service.uploads import routes as uploads
 from store import database, software
 
+PAGES: Final = (rendering.router, pages.sign_in_router, documentation.router, cameras.router, pages.router)
+ROUTERS: Final = (
+    *(coefficients.ready_router, system.probes, manifests.keys_router),
+    *(system.router, organisation.keys_router, organisation.sessions_router),
+    *(equipment.router, equipment.meters_router, equipment.panels_router),
+    *(campaigns.router, readings.router, points.router, uploads.known_router, proposals.router),
+    *(isolines.router, exports.router, frames.router, grid.router, uploads.router),
+    *(pictures.router, pictures.thumbnails_router, manifests.router),
+    *(calibrations.router, methods.router, calibrations.exports_router, methods.findings_router),
+    coefficients.router,
+    *(measurements.comparisons_router, fleet.router, equipment.rigs_router),
+    *(measurements.router, report.router, roads.router, roads.rules_router, road.router),
+    *(jobs.events_router, jobs.router, campaigns.checklist_router, issuing.router),
+    *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
+    *(frames.motion_router, tools.router),
+    *PAGES,
+)
+
 _SHOWN = [
     *("Content-Disposition", "Content-Range", "ETag", "Link", "Preference-Applied"),
     *("Retry-After", "X-Request-ID"),
@@ -49,7 +67,8 @@ def build_app(context: Context) -> FastAPI:
         title="stilb",
         version=software.read_version(),
         summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
-        generate_unique_id_function=lambda route: route.name,
+        # as the routers have built them: to include a router is to build each of its routes again
+        routes=[route for router in ROUTERS for route in router.routes],
         # FastAPI's own pages load their scripts from elsewhere: service/pages/documentation.py has ours
         docs_url=None,
         redoc_url=None,
@@ -72,33 +91,9 @@ def build_app(context: Context) -> FastAPI:
     problems.install(app)
     _install_database_problem(app)
     rendering.install(app)
-    _include_routers(app)
     app.state.addresses = middleware.Addresses(app)
     _publish_document(app)
     return app
-
-
-PAGES: Final = (rendering.router, pages.sign_in_router, documentation.router, cameras.router, pages.router)
-
-
-def _include_routers(app: FastAPI) -> None:
-    for router in (
-        *(coefficients.ready_router, system.probes, manifests.keys_router),
-        *(system.router, organisation.keys_router, organisation.sessions_router),
-        *(equipment.router, equipment.meters_router, equipment.panels_router),
-        *(campaigns.router, readings.router, points.router, uploads.known_router, proposals.router),
-        *(isolines.router, exports.router, frames.router, grid.router, uploads.router),
-        *(pictures.router, pictures.thumbnails_router, manifests.router),
-        *(calibrations.router, methods.router, calibrations.exports_router, methods.findings_router),
-        coefficients.router,
-        *(measurements.comparisons_router, fleet.router, equipment.rigs_router),
-        *(measurements.router, report.router, roads.router, roads.rules_router, road.router),
-        *(jobs.events_router, jobs.router, campaigns.checklist_router, issuing.router),
-        *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
-        *(frames.motion_router, tools.router),
-        *PAGES,
-    ):
-        app.include_router(router)
 
 
 def _publish_document(app: FastAPI) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from fastapi import FastAPI
-from fastapi.routing import iter_route_contexts
+from fastapi.routing import APIRoute
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -150,13 +150,13 @@ class _Template:
 
 
 class Addresses:
-    """The templates of an application's routes; made of a whole one, so that its routes are built by then."""
+    """The templates of an application's routes."""
 
     def __init__(self, app: FastAPI) -> None:
         self._templates = [
-            _Template(context.path, context.path_regex, frozenset(context.methods or ()))
-            for context in iter_route_contexts(app.routes)
-            if context.path is not None
+            _Template(route.path, route.path_regex, frozenset(route.methods or ()))
+            for route in app.routes
+            if isinstance(route, APIRoute)
         ]
         self._rivals: dict[str, list[_Template]] = {}
 

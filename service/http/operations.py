@@ -34,10 +34,11 @@ _AT_ONCE_BYTES: Final = 1 << 14  # a longer body is read in a thread
 
 
 class Router(APIRouter):
-    """The operations of one resource."""
+    """The operations of one resource, each known by the name of its function."""
 
     def __init__(self, *, prefix: str = "", tags: list[Any] | None = None, **options: Any) -> None:  # noqa: ANN401
-        super().__init__(prefix=prefix, tags=tags, **{"route_class": Operation, **options})
+        usual = {"route_class": Operation, "generate_unique_id_function": lambda route: route.name}
+        super().__init__(prefix=prefix, tags=tags, **{**usual, **options})
 
 
 class Operation(APIRoute):

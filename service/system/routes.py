@@ -3,8 +3,9 @@
 import shutil
 from typing import Any, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 from fastapi.responses import PlainTextResponse
+from fastapi.routing import APIRoute
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
@@ -15,7 +16,7 @@ from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
 from store.queries.jobs import count_queue
 from store.tables import Blob, PartRow
 
-probes = APIRouter(tags=["system"])  # as probes ask, with whatever parameters
+probes = operations.Router(tags=["system"], route_class=APIRoute)  # as probes ask, with whatever parameters
 router = operations.Router(tags=["system"])
 
 
