@@ -63,12 +63,10 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
         # what else is missing is known once they are read
         again = f"{len(evidence.outdated)} of {len(evidence.frames)} {_READ_AGAIN}"
         return [*untold, grouping.Cause(again, shared.NOT_EXTRACTED)]
-    return [
-        *untold,
-        *methods.get_method(campaign.method).missing(
-            evidence.frames, evidence.readings, leave_out_doubtful(params, evidence), unread=evidence.unread
-        ),
-    ]
+    lacking = methods.get_method(campaign.method).missing(
+        evidence.frames, evidence.readings, leave_out_doubtful(params, evidence), unread=evidence.unread
+    )
+    return [*untold, *lacking, *(evidence.unusable if lacking else ())]
 
 
 class NewVersion(records.Record):

@@ -55,7 +55,7 @@ def list_missing(
     if sceneless := [row.frame for row in light if not row.scene]:
         found.append(name_frames("no scene", sceneless, codes.SCENE_MISSING))
     if not light and not waiting:
-        return [*found, "the campaign has no light frame"]
+        return [*found, "the campaign has no light frame that can be used"]
     if waiting:  # they may be of any ISO value
         return found
     unmeasured = {row.exposure.iso for row in light if not row.statistics}

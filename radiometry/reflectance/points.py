@@ -211,7 +211,7 @@ def list_missing(
     )
     found += [name_frames(what, names, finding) for what, names, finding in groups if names]
     if not panels and not unread:
-        found.append("the campaign has no panel frame")
+        found.append("the campaign has no panel frame that can be used")
     return [*found, *list_contradictions(readings, params)]
 
 

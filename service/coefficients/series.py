@@ -271,7 +271,7 @@ _GZIP = 31  # the window of zlib's format with the header of gzip
 _CHOOSING = ("camera_id", "campaign_id", "calibration_id", "method", "start", "end")
 
 
-class SeriesQuery(models.Form):
+class SeriesQuery(models.Period):
     """Which rows of a series, how many, and in which form."""
 
     camera_id: models.Text | None = None

@@ -46,7 +46,7 @@ from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.roles import ROLES
-from service.http.problems import LINES, SHA256, WRITTEN
+from service.http.problems import LINES, NAMED, SHA256, WRITTEN
 from store.queries.frame_times import name_zone
 from store.tables import Base
 
@@ -64,11 +64,8 @@ def _compose(text: str) -> str:
 
 COMPOSED: Final = AfterValidator(_compose)
 """A name is the same however its letters are put together: macOS writes an accent apart, keyboards do not."""
-# a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
-Text = Annotated[
-    str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$"), COMPOSED
-]
-Name = Annotated[Text, AfterValidator(lambda text: " ".join(text.split()) or text)]
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=f"^{NAMED}$"), COMPOSED]
+Name = Annotated[Text, AfterValidator(lambda text: " ".join(text.split()))]
 """A name without the blanks that nobody sees: around it, and more than one between its words."""
 _LINE_FEEDS: Final = AfterValidator(lambda text: text.replace("\r\n", "\n").replace("\r", "\n"))
 """Lines end as they are stored and printed, whichever machine they were written on."""
@@ -76,7 +73,7 @@ LongText = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pat
 Reason = Annotated[str, StringConstraints(min_length=1, max_length=10_000, pattern=WRITTEN), _LINE_FEEDS]
 CurveText = Annotated[str, StringConstraints(min_length=1, max_length=50_000, pattern=LINES), _LINE_FEEDS]
 """A name, or a table of several lines."""
-Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$"), COMPOSED]
+Clearable = Annotated[str, StringConstraints(max_length=200, pattern=f"^({NAMED})?$"), COMPOSED]
 ClearableLong = Annotated[str, StringConstraints(max_length=10_000, pattern=LINES), _LINE_FEEDS]
 """A correction: "" takes away what was written."""
 TimeZone = Annotated[Text, AfterValidator(_name_zone), Field(examples=["Europe/Berlin", "+02:00"])]
@@ -198,6 +195,19 @@ class Form(BaseModel):
         if names := [name for name, member in value.items() if member is None]:
             raise PydanticCustomError("null", "null is not a value here; leave it out", {"names": names})
         return value
+
+
+class Period(Form):
+    """A query of what lies between times: turned round, it would be empty without a word."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for first, last in (("start", "end"), ("computed_from", "computed_to")):
+            since, until = getattr(self, first, None), getattr(self, last, None)
+            if since is not None and until is not None and since > until:
+                named = [type(self).model_fields[each].alias or each for each in (first, last)]
+                raise ValueError(f"{named[0]} is later than {named[1]}, so that nothing lies between them")
+        return self
 
 
 class Answer(BaseModel):

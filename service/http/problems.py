@@ -21,6 +21,8 @@ SHA256 = r"^[0-9a-f]{64}$"
 COUNTRY = r"^[A-Z]{2}$"
 ADDRESS = r"^https?://[!-~]+$"
 WRITTEN = r"^[ \t\r\n]*[^\s\x00-\x1f\x7f-\x9f][^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]*$"
+# a NUL cannot be stored in PostgreSQL, and no honest name is blank or holds a control character
+NAMED = r"[^\x00-\x1f\x7f-\x9f]*[^\s\x00-\x1f\x7f-\x9f][^\x00-\x1f\x7f-\x9f]*"
 LINES = r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]*$"
 
 _OBJECT = "must be a JSON object"
@@ -34,7 +36,7 @@ _WORDS = {
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
     "bool_type": "must be true or false",
     "string_type": "must be text",
-    "string_pattern_mismatch": "must not hold control characters such as line breaks or tabs",
+    "string_pattern_mismatch": "must not be blank, nor hold control characters such as line breaks or tabs",
     "string_unicode": "must be text in Unicode",
     "timezone_aware": "needs a time zone: 2026-05-01T08:00:00Z or 2026-05-01T10:00:00+02:00",
     **dict.fromkeys(

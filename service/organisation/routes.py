@@ -19,6 +19,7 @@ from service.http.models import (
     ClearableZone,
     Form,
     Instant,
+    Period,
     Text,
     maybe,
     told,
@@ -130,7 +131,7 @@ def _exports(media_type: str) -> dict[int | str, dict[str, Any]]:
     return {200: {"content": {media_type: {"schema": {"type": "string"}}}}, **answers.problems()}
 
 
-class AuditQuery(Form):
+class AuditQuery(Period):
     """Which entries."""
 
     actor: Text | None = maybe("Id of a key, or worker, sweeper, service.")

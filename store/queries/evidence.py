@@ -1,7 +1,7 @@
 """Everything a campaign has to offer to a fit, as the science wants it: frames, readings, references."""
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import date
 from functools import partial
@@ -177,6 +177,7 @@ class Evidence(records.Record):
     offsets: dict[str, str]  # of clocks without, in the zone stated for them; only of methods with readings
     rois: dict[str, str]
     unread: list[str]  # frames of which nothing is known yet
+    unusable: list[str]  # by role, of which there are frames and none that can be used: how many, and why
     outdated: list[str]  # ids of frames read by an earlier extractor or for another target: read again
     doubtful: tuple[Exclusion, ...]  # for no fit: left out by a person, or of doubtful pixels
     references: dict[str, list[dict[str, Any]]]  # what readings were made with, as it is now: meters, panels
@@ -193,11 +194,8 @@ def gather(
     """Frames with the statistics of the region that holds for them now, and the readings that stand."""
     spec = methods.get_method(campaign.method)
     roles = spec.role_names | spec.applied_role_names if applied else spec.role_names
-    rows = [
-        row
-        for row in frames or read_frames(session, campaign)
-        if row.role in roles and row.state != "refused" and shared.FRAME_LEFT_OUT not in row.warnings
-    ]
+    found = [row for row in frames or read_frames(session, campaign) if row.role in roles]
+    rows = [row for row in found if row.state != "refused" and shared.FRAME_LEFT_OUT not in row.warnings]
     rows.sort(key=lambda row: (row.filename, row.sha256))
     regions = region_ids(session, campaign, rows)
     current = read_extractions(session, campaign, regions, memory=memory)
@@ -224,6 +222,7 @@ def gather(
         offsets={names[frame_id]: offset for frame_id, offset in offsets.items()},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
+        unusable=_name_unusable(found, {row.role for row in rows}),
         outdated=list_outdated(session, campaign, regions, current),
         doubtful=tuple(
             Exclusion(
@@ -234,6 +233,20 @@ def gather(
         ),
         references=references,
     )
+
+
+def _name_unusable(rows: Sequence[FrameColumns], usable: Collection[str]) -> list[str]:
+    reasons: dict[str, Counter[str]] = defaultdict(Counter)
+    for row in rows:
+        if row.role not in usable:
+            reasons[row.role][row.refusal_detail or shared.FRAME_LEFT_OUT.sentence] += 1
+    found = []
+    for role, why in sorted(reasons.items()):
+        (reason, count), total = why.most_common(1)[0], why.total()
+        shown = "frame is there, not usable" if total == 1 else "frames are there, none usable"
+        share = "" if count == total else f"{count} of them: "
+        found.append(f"{total} {role} {shown}: {share}{reason}")
+    return found
 
 
 def _is_read(row: FrameColumns) -> bool:

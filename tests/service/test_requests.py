@@ -64,12 +64,16 @@ def test_a_wrong_number_is_named(house, text, message):
     assert problem["detail"] == f"body.pixel_pitch_um: {message}"
 
 
+NO_NAME = "must not be blank, nor hold control characters such as line breaks or tabs"
+
+
 @pytest.mark.parametrize(
     ("change", "field", "message"),
     [
         ({"colour": 1}, "body.colour", "is not known here; check its spelling or leave it out"),
         ({"serial": 5}, "body.serial", "must be text"),
-        ({"serial": "a\x00b"}, "body.serial", "must not hold control characters such as line breaks or tabs"),
+        ({"serial": "a\x00b"}, "body.serial", NO_NAME),
+        ({"serial": " \u00a0 "}, "body.serial", NO_NAME),
         ({"note": "a\x00b"}, "body.note", "must not hold control characters other than line breaks and tabs"),
         ({"serial": "\ud800"}, "body.serial", "must be text in Unicode"),
         ({"serial": ""}, "body.serial", "must have at least 1 character"),
@@ -91,6 +95,8 @@ def test_a_wrong_field_is_named(house, change, field, message):
             ("post", "/v1/calibrations/x/revoke", {"reason": " \n"}),
             "must be words, without control characters other than line breaks and tabs",
         ),
+        (("post", "/v1/keys", {"name": " ", "scopes": ["read"]}), NO_NAME),
+        (("patch", "/v1/campaigns/x", {"recorder": " "}), NO_NAME),
         (
             ("get", "/v1/calibrations/x/certificate.xml?country=1", None),
             "must be two capital letters of ISO 3166, such as DE",

@@ -70,6 +70,24 @@ def test_every_form_and_every_page_has_the_same_rows(house, measured, address, r
     assert 'rel="next"' in cut.headers["Link"]
 
 
+@pytest.mark.parametrize(
+    ("address", "first", "last"),
+    [
+        (COEFFICIENTS, "from", "to"),
+        (MEASUREMENTS, "from", "to"),
+        (MEASUREMENTS, "computed_from", "computed_to"),
+        ("/v1/audit", "from", "to"),
+        ("/v1/audit/entries.csv", "from", "to"),
+    ],
+)
+def test_times_that_are_turned_round_are_refused(house, address, first, last):
+    turned = {first: "2026-05-02T00:00:00Z", last: "2026-05-01T00:00:00Z"}
+    answer = house.http.get(address, params=turned)
+    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed")
+    assert f"{first} is later than {last}" in answer.json()["detail"]
+    assert house.http.get(address, params=dict.fromkeys(turned, turned[last])).status_code == 200
+
+
 def test_series_is_sent_again_only_after_what_changes_it(house, measured):
     version, _ = measured
     tags = {}

@@ -115,6 +115,16 @@ def test_every_fault_has_its_reason_and_no_other_frame_any(house, campaign):
     assert "is 96 x 60 pixels, RGGB" in found["small.DNG"]["reasons"][0]["detail"]
 
 
+def test_frames_that_were_all_refused_are_not_called_absent(house, campaign):
+    for index, serial in enumerate(("stranger", "stranger", "")):
+        light(house, campaign, "level-1", index, serial=serial or "another")
+    house.work()
+    missing = house.get(f"/v1/campaigns/{campaign['id']}")["missing"]
+    assert missing[0] == "the campaign has no light frame that can be used"
+    assert missing[1].startswith("3 light frames are there, none usable: 2 of them: ")
+    assert "stranger" in missing[1]
+
+
 def test_what_was_warned_of_when_the_frame_was_accepted(house, campaign):
     frame = light(house, campaign, "level-1", 0)
     house.work()

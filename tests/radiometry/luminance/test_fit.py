@@ -328,7 +328,7 @@ BARE = tuple(replace(row, has_region=False) for row in WAITING)
             ["no statistics yet: frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more"],
         ),
         ((*WAITING[:2], *ROWS[2:]), None, ["no statistics yet: frames bright-3200-5.6, bright-3200-8"]),
-        ((), None, ["the campaign has no light frame"]),
+        ((), None, ["the campaign has no light frame that can be used"]),
     ],
 )
 def test_what_is_missing_is_listed_by_name(rows, excluded, missing):
@@ -339,7 +339,7 @@ def test_what_is_missing_is_listed_by_name(rows, excluded, missing):
 @pytest.mark.parametrize(
     ("rows", "sentence"),
     [
-        (DARKS, "the campaign has no light frame"),
+        (DARKS, "the campaign has no light frame that can be used"),
         ((*ROWS, replace(NEW, statistics=None)), "no statistics yet: frame new"),
         ((*ROWS, replace(NEW, scene=None)), "no scene: frame new"),
         ([row for row in ROWS if row.scene != "bright"], TOO_FEW),

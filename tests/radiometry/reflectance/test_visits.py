@@ -370,7 +370,7 @@ def test_what_a_fit_still_lacks_is_named():
         "no region on the panel: frame panel-0-red",
         "not extracted yet: frame panel-0-green",
     )
-    assert reflectance.missing((), (), PARAMS) == ("the campaign has no panel frame",)
+    assert reflectance.missing((), (), PARAMS) == ("the campaign has no panel frame that can be used",)
     with pytest.raises(InputRejected, match="cannot start: not extracted yet: frame panel-0-green"):
         reflectance.fit([waiting], READINGS, PARAMS)
 
