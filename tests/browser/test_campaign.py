@@ -25,14 +25,7 @@ def shots(tmp_path_factory):
 PLACE = "each => each.getBoundingClientRect().top + scrollY"
 
 
-def add_pattern(page, pattern, role):
-    page.get_by_role("button", name="Add a pattern").click()
-    page.get_by_label("Pattern", exact=True).last.fill(pattern)
-    page.get_by_label("Pattern", exact=True).last.blur()
-    page.get_by_label("Role", exact=True).last.select_option(role)
-
-
-def test_patterns_say_what_the_camera_s_files_are(page, shots):
+def test_a_campaign_is_made_and_filled(page, shots):
     page.goto("/campaigns")
     expect(page.get_by_text("No campaigns yet")).to_be_visible()
     page.get_by_role("link", name="New campaign").first.click()
@@ -73,23 +66,19 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
 
     held = Held(page, "**/frames/known")
     page.get_by_label("Files to send").set_input_files([shot.path for shot in shots])
-    patterns, asked = page.get_by_text("Role and scene by pattern"), held.release()
+    cancel, asked = page.get_by_role("button", name="Remove all"), held.release()
     expect(page.get_by_text(f"{len(shots)} being compared")).to_be_visible()
-    before = patterns.evaluate(PLACE)
+    before = cancel.evaluate(PLACE)
     asked.continue_()
     expect(page.get_by_text("all compared")).to_be_visible()
-    assert patterns.evaluate(PLACE) == before
+    assert cancel.evaluate(PLACE) == before
     page.unroute("**/frames/known")
-    patterns.click()
-    add_pattern(page, "dark*", "dark")
-    add_pattern(page, "{scene}-????-?.DNG", "light")
-    expect(page.get_by_label("Scene of level-1-3200-0.DNG")).to_have_value("level-1")
+    expect(page.get_by_text("Dark frames: 3 · Light frames, Scene 1: 12")).to_be_visible()
     look(page, "campaign-files")
     page.get_by_role("button", name=f"Send {len(shots)} files").click()
     expect(page.get_by_text(f"{len(shots)} of {len(shots)} received", exact=False)).to_be_visible()
     settle(page)
-    # one list of files, and the one that is worked in is in view
-    expect(page.get_by_role("table", name="Upload list")).to_be_hidden()
+    # the one list of files is in view
     assert page.locator(".grid").evaluate("each => each.getBoundingClientRect().top + scrollY") < 900
     look(page, "campaign")
 

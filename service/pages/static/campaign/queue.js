@@ -168,17 +168,17 @@ export class UploadQueue extends EventTarget {
     setInterval(() => this.giveUp(SILENT_MS) && this.pump(), STALLED_MS / 3);
   }
 
-  /** Files with their paths: [{file, name, role?, scene?}]; `judge(name)` says what each is. Answers how many were new. */
-  add(files, judge) {
+  /** Files with their paths: [{file, name, role, scene}]. Answers how many were new. */
+  add(files) {
     const before = this.items.length;
-    for (const { file, name, ...said } of files) {
+    for (const { file, name, role, scene } of files) {
       const key = `${name} ${file.size} ${file.lastModified}`;
       const known = this.items.find((item) => item.key === key) ?? this.lost(file, name);
       if (known) {
         if (known.state === "lost") this.takeBack(known, file);
         continue;
       }
-      const item = { key, name, file, size: file.size, modified: file.lastModified, state: "hashing", sent: 0, ...(said.role ? { ...said, edited: true } : judge(name)) };
+      const item = { key, name, file, size: file.size, modified: file.lastModified, state: "hashing", sent: 0, role, scene };
       this.items.push(item);
       this.hash(item);
     }
@@ -292,7 +292,6 @@ export class UploadQueue extends EventTarget {
       // of a line that breaks, what it carries in a second may be lost
       this.width = Date.now() - begunAt < QUICK_MS ? Math.min(this.width + 1, MOST_AT_ONCE) : AT_ONCE;
       await this.journal.remove(item.key);
-      this.dispatchEvent(new Event("sent"));
     } catch (error) {
       if (error.name === "AbortError") return;
       this.failed(item, error);

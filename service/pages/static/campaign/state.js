@@ -16,8 +16,6 @@ export class CampaignState extends EventTarget {
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
     this.turns = new Turns();
     this.pictures = new Pictures(this.path);
-    /** The gravest reason of each frame, as {outcome, reasons}. */
-    this.verdicts = new Map();
     // another page is shown in this document: what listens has gone
     addEventListener("left", () => (this.left = true), { once: true });
   }
@@ -87,7 +85,6 @@ export class CampaignState extends EventTarget {
     this.frames = every.filter((frame) => !frame.withdrawn);
     this.withdrawn = every.filter((frame) => frame.withdrawn);
     this.byId = new Map(every.map((frame) => [frame.id, frame]));
-    this.verdicts = new Map(this.frames.map((frame) => [frame.id, { outcome: frame.outcome, reasons: frame.code ? [frame] : [] }]));
     this.tell("frames");
   }
 

@@ -1,155 +1,61 @@
-// The upload area: what stands in the way, progress of all, and role, progress and verdict of each file.
+// The upload area: what stands in the way, what is to be sent, and the progress of all. Each frame is listed in the grid alone.
 
 import { get, patch, post } from "../api.js";
 import { readCard } from "../card/headers.js";
-import { differs, findAsides, nameOf, splitSkipped } from "../card/propose.js";
+import { differs, findAsides, nameOf, placeIn, splitSkipped } from "../card/propose.js";
 import { sayCheck } from "../card/view.js";
 import { causeList, small } from "../causes.js";
-import { act, fill, h, isPressed, mark, may, placeAfter, toast } from "../dom.js";
-import { bytes, counted, groupBy, span, tag } from "../format.js";
-import { roleLabel, roleOptions, titleOf } from "../methods.js";
+import { act, fill, h, isPressed, load, mark, may, toast } from "../dom.js";
+import { bytes, counted, groupBy, span } from "../format.js";
+import { roleLabel, titleOf } from "../methods.js";
 import { acceptDrops, choosers, goOn, takeHanded } from "./drop.js";
-import { select } from "../ask.js";
-import { judge, patternsPart } from "./patterns.js";
 import { OPEN, UploadQueue } from "./queue.js";
 import { mendButtons } from "./moves.js";
 
-const MARGIN = 6;
-
-/**
- * columns: [{head, class?}]; draw(item) gives the cells' contents; keyOf(item) names it; markOf(item) changes when
- * the row must be redrawn. Answers {element, show(items)}.
- */
-function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf }) {
-  const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
-  const below = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
-  const body = h("tbody", {}, above, below);
-  const grid = h("table", {}, h("caption", { class: "hidden" }, caption), h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))), body);
-  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, grid);
-  let items = [];
-  let drawn = new Map();
-  let waiting = false;
-  let walked;
-
-  function update() {
-    waiting = false;
-    const seen = element.clientHeight || 600;
-    const from = Math.max(0, Math.floor(element.scrollTop / rowHeight) - MARGIN);
-    const to = Math.min(items.length, Math.ceil((element.scrollTop + seen) / rowHeight) + MARGIN);
-    const next = new Map();
-    for (let index = from; index < to; index += 1) next.set(keyOf(items[index]), rowOf(items[index], index));
-    let left;
-    for (const [key, row] of drawn) {
-      if (next.has(key)) continue;
-      if (row.element.contains(document.activeElement)) left = row.element.rowIndex;
-      row.element.remove();
-    }
-    placeAfter(above, next.values());
-    drawn = next;
-    above.firstChild.style.height = `${from * rowHeight}px`;
-    below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
-    above.hidden = from === 0;
-    below.hidden = to === items.length;
-    setStops();
-    // the row that follows takes the focus of one that is gone
-    if (left) controlsOf(grid.rows[Math.min(left, next.size + 1)] ?? below).at(-1)?.focus({ preventScroll: true });
-  }
-
-  // ---- walking: the controls of one row alone are in the order of Tab, up and down lead to the others
-
-  const controlsOf = (row) => [...row.querySelectorAll("button, input, select")];
-  function setStops() {
-    const rows = [...drawn.values()].map((row) => row.element);
-    const active = rows.find((row) => row === walked) ?? rows[0];
-    for (const row of rows) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
-  }
-  body.addEventListener("focusin", (event) => {
-    walked = event.target.closest("tr");
-    setStops();
-  });
-  body.addEventListener("keydown", (event) => {
-    const way = { ArrowDown: "nextElementSibling", ArrowUp: "previousElementSibling" }[event.key];
-    if (!way || event.target.matches("select")) return;
-    const at = controlsOf(walked).indexOf(event.target) - controlsOf(walked).length;
-    controlsOf(walked[way] ?? above).at(at)?.focus();
-    event.preventDefault();
-  });
-
-  function rowOf(item, index) {
-    const mark = markOf(item);
-    const row = drawn.get(keyOf(item)) ?? { element: h("tr", {}), mark: undefined };
-    row.element.setAttribute("aria-rowindex", index + 2);
-    if (row.mark !== mark && !typedIn(row.element)) {
-      row.mark = mark;
-      fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
-      row.element.style.height = `${rowHeight}px`;
-    }
-    return row;
-  }
-
-  const soon = () => {
-    if (waiting) return;
-    waiting = true;
-    requestAnimationFrame(update);
-  };
-  body.addEventListener("focusout", soon);
-  element.addEventListener("scroll", soon, { passive: true });
-  new ResizeObserver(soon).observe(element);
-
-  return {
-    element,
-    show(some) {
-      items = some;
-      grid.setAttribute("aria-rowcount", items.length + 1);
-      update();
-    },
-  };
-}
-
-/** What somebody types is not taken from under their hands. */
-const typedIn = (row) => row.contains(document.activeElement) && document.activeElement.matches("select, input:not([type=checkbox])");
-
-const ROW_PX = 48;
 const MOST_NAMED = 5;
-const EDITABLE = ["hashing", "asking", "ready", "failed"];
 
 export function uploadSection(state) {
   const queue = new UploadQueue(state);
-  const patterns = patternsPart(state, () => judgeAgain(queue, judgeName));
-  const judgeName = (name) => judge(name, patterns.rules()) ?? { role: state.method.roles[0].name };
   const trouble = h("div");
   const given = new Map();
-  const take = async (all) => {
+  let sorted = Promise.resolve();
+  const take = (files) => (sorted = sorted.then(() => load(trouble, () => sortOut(files), (lines) => lines)));
+
+  /** Put into the queue what belongs to the campaign; answers what is to be said of the other files. */
+  async function sortOut(all) {
     const tables = state.method.reference === "meter" ? all.filter(({ name }) => /\.csv$/i.test(name)) : [];
     for (const table of tables) await (await import("./points.js")).addPoints(state, table);
     const files = all.filter((each) => !tables.includes(each));
-    if (!files.length) return;
-    for (const { file, name } of files) given.set(name, file.size);
-    const rows = await readCard(files, { centres: false });
+    if (!files.length) return null;
+    const campaign = state.campaign ?? (await get(state.path));
+    const camera = await get(`/v1/cameras/${campaign.camera_id}`);
+    const rows = await readCard(files);
     const { twins, videos } = splitSkipped(rows);
     const open = await Promise.all(rows.filter((row) => !twins.includes(row) && !videos.includes(row)).map(unpacked));
-    const wanted = open.filter((row) => row.file);
     const closed = open.filter((row) => !row.file);
-    // without a connection the service alone compares
-    const campaign = state.campaign ?? (await get(state.path).catch(() => null));
-    const camera = campaign && (await get(`/v1/cameras/${campaign.camera_id}`).catch(() => null));
-    const others = camera ? wanted.filter((row) => row.header && differs(row.header, camera)) : [];
+    const wanted = await placeIn(campaign, open.filter((row) => row.file));
+    const others = wanted.filter((row) => row.header && differs(row.header, camera));
     const own = wanted.filter((row) => !others.includes(row));
     const asides = findAsides(own.filter((row) => row.header), own).filter(({ frames }) => frames.every((row) => row.header));
-    fill(trouble, asides.length ? causeList(asides.map((check) => leftOut(check, () => queue.add(check.frames, judgeName)))) : null, closed.length ? notOpened(closed) : null, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
-      await patch(state.path, { camera_id: (await post("/v1/cameras", body)).id });
-      fill(trouble);
-      queue.add(others, judgeName);
-      await state.touch();
-    }) : null);
-    const count = queue.add(own.filter((row) => !asides.some(({ frames }) => frames.includes(row))), judgeName);
+    for (const { file, name } of files) given.set(name, file.size);
+    const count = queue.add(own.filter((row) => !asides.some(({ frames }) => frames.includes(row))));
     if (!count && !others.length && !asides.length && wanted.length) toast("These files are already in the list.");
     else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
-  };
-  const list = itemTable(state, queue);
+    const change = async (body) => {
+      await patch(state.path, { camera_id: (await post("/v1/cameras", body)).id });
+      fill(trouble);
+      queue.add(others);
+      await state.touch();
+    };
+    return [
+      asides.length ? causeList(asides.map((check) => leftOut(check, () => queue.add(check.frames)))) : null,
+      closed.length ? notOpened(closed) : null,
+      others.length ? otherCamera(campaign, camera, others, wanted.length, change) : null,
+    ];
+  }
+
   const zone = dropZone(take);
-  const head = h("div", { class: "upload-head" });
-  const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
+  const panel = h("div", { class: "upload-panel card", hidden: true });
   let [waiting, isSending] = [false, false];
   const tellSending = async () => {
     // the campaign knows of the last file before anything is called missing
@@ -159,32 +65,26 @@ export function uploadSection(state) {
   };
   const draw = () => {
     // a button that is at work ends it first
-    if (isPressed(head) || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
+    if (isPressed(panel) || panel.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
     zone.classList.toggle("slim", !panel.hidden || state.frames.length > 0);
     const sending = queue.items.some((item) => item.armed && OPEN.includes(item.state));
     if (sending !== isSending) tellSending((isSending = sending));
-    if (panel.hidden) return;
-    fill(head, summary(state, queue, given));
-    patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));
-    // what is sent, or on its way without trouble, is listed in the grid alone
-    list.element.hidden = queue.items.every((item) => ["sent", "there"].includes(item.state) || (item.armed && item.state !== "retrying" && OPEN.includes(item.state)));
-    if (!list.element.hidden) list.show([...queue.items]);
+    if (!panel.hidden) fill(panel, summary(state, queue, given));
   };
   const soon = () => {
     if (!waiting) requestAnimationFrame(draw);
     waiting = true;
   };
   queue.addEventListener("changed", soon);
-  queue.addEventListener("sent", debounce(() => state.touch(), 800));
   state.on("frames", () => {
     refuseLike(state, queue);
     soon();
   });
   const handed = takeHanded();
   if (handed) {
-    queue.add(handed, judgeName);
+    queue.add(handed);
     queue.send();
   }
   queue.resume().then((count) => count && toast(`Resuming ${counted(count, "file")} of an earlier session.`));
@@ -262,7 +162,6 @@ function summary(state, queue, given) {
     comparing ? `${comparing} being compared` : open.length && "all compared",
     there.length && `${there.length} already there, not sent`,
     retrying.length && `${retrying.length} waiting for the connection`,
-    failed.length && `${failed.length} not accepted`,
     lost.length && `${lost.length} of an earlier session: select the files again to resume`,
   ].filter(Boolean);
   const unmeasured = !moving.length && sent.length && waitsForRegion(state, sent);
@@ -272,7 +171,9 @@ function summary(state, queue, given) {
     moving.length ? h("progress", { max: total || 1, value: done, "aria-label": "Sent" }) : null,
     retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending continues automatically; you can close this page and come back.`) : null,
     queue.refusal ? refusalOf(state, queue) : null,
+    open.length ? h("p", { class: "small" }, placesOf(open)) : null,
     notes.length ? h("p", { class: "muted small" }, notes.join(" · ")) : null,
+    failed.length ? causeList(refusedFiles(queue, failed)) : null,
     h("p", { class: "actions" },
       queue.refusal ? null : open.length || failed.length ? button(open.length ? `Send ${counted(open.length, "file")}` : "Try again", "send", (event) => act(event.target, () => queue.send()), { class: "primary" }) : null,
       unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
@@ -283,6 +184,18 @@ function summary(state, queue, given) {
     ),
   ];
 }
+
+/** As what the files are sent: "Light frames, level-1: 3 · Dark frames: 2". */
+function placesOf(items) {
+  const groups = [...groupBy(items, (item) => [`${roleLabel(item.role)} frames`, item.scene].filter(Boolean).join(", "))];
+  const named = groups.slice(0, MOST_NAMED).map(([name, some]) => `${name}: ${some.length}`);
+  return [...named, groups.length > MOST_NAMED && `and ${groups.length - MOST_NAMED} more`].filter(Boolean).join(" · ");
+}
+
+const refusedFiles = (queue, failed) =>
+  [...groupBy(failed, (item) => item.error)].map(([error, some]) => ({ mark: "bad", title: `${counted(some.length, "file")} not sent`, where: `${error} (${namesOf(some)})`, actions: [small("Remove", () => queue.drop(some), { quiet: true })] }));
+
+const namesOf = (items) => `${items.slice(0, MOST_NAMED).map((item) => item.name.split("/").at(-1)).join(", ")}${items.length > MOST_NAMED ? ` and ${items.length - MOST_NAMED} more` : ""}`;
 
 async function saveReceipt(state, items, given) {
   const files = items.map(({ name, size, sha256 }) => ({ name, size_bytes: size, sha256 }));
@@ -303,11 +216,12 @@ function refusalOf(state, queue) {
 /** What a frame waits for, by the code of its verdict; by none of these a worker reads it. */
 const WAITS = { no_region: "waiting for a region", reading_missing: "waiting for a reading" };
 
+const PASSES = { pass: "pass", warn: "to check", fail: "fail" };
+
 /** "pass", or what a received frame waits for. */
 function standingOf(state, item) {
-  const verdict = state.verdicts.get(item.frameId);
-  if (verdict && verdict.outcome !== "pending") return { pass: "pass", warn: "to check", fail: "fail" }[verdict.outcome];
-  return WAITS[verdict?.reasons.find((reason) => WAITS[reason.code])?.code] ?? "in progress";
+  const { outcome, code } = state.byId.get(item.frameId) ?? {};
+  return PASSES[outcome] ?? WAITS[code] ?? "in progress";
 }
 
 const waitsForRegion = (state, sent) => sent.some((item) => standingOf(state, item) === WAITS.no_region);
@@ -316,67 +230,4 @@ const waitsForRegion = (state, sent) => sent.some((item) => standingOf(state, it
 function outcomeOf(state, sent) {
   const counts = groupBy(sent, (item) => standingOf(state, item));
   return [`${sent.length} of ${sent.length} received`, ...[...counts].map(([standing, { length }]) => (counts.size === 1 && standing.startsWith("waiting") ? standing : `${length} ${standing}`))].join(", ");
-}
-
-function itemTable(state, queue) {
-  const editable = (item) => !item.armed && EDITABLE.includes(item.state);
-  const edit = (item, values) => {
-    // an upload that was begun was told otherwise
-    Object.assign(item, values, { edited: true, upload: undefined, once: undefined });
-    queue.changed();
-  };
-  return virtualTable({
-    rowHeight: ROW_PX,
-    columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }, { head: h("span", { class: "hidden" }, "Remove"), class: "remove" }],
-    caption: "Upload list",
-    keyOf: (item) => item.key,
-    markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sent" ? standingOf(state, item) : "", item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : ""].join("|"),
-    draw: (item) => [
-      h("span", { title: item.name }, item.name),
-      progressOf(state, item),
-      editable(item) ? select(roleOptions(state.method), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : roleLabel(item.role),
-      editable(item) ? h("input", { "aria-label": `Scene of ${item.name}`, value: item.scene ?? "", list: "scenes-known", onchange: (event) => edit(item, { scene: event.target.value.trim() || undefined }) }) : (item.scene ?? "–"),
-      bytes(item.size),
-      h("button", { type: "button", class: "quiet", "aria-label": `Remove ${item.name.split("/").at(-1).replace(/\.\w+$/, "")}`, onclick: () => queue.drop([item]) }, "×"),
-    ],
-  });
-}
-
-const KINDS = { pass: "good", warn: "warn", fail: "bad" };
-
-function progressOf(state, item) {
-  switch (item.state) {
-    case "hashing":
-    case "asking":
-      return h("span", { class: "muted" }, "Comparing…");
-    case "ready":
-      return tag("ready");
-    case "there":
-      return tag("already there", "good");
-    case "waiting":
-      return h("span", { class: "muted" }, "Waiting");
-    case "sending":
-      return [h("progress", { max: item.size || 1, value: item.sent, "aria-label": `Sent of ${item.name}` }), h("span", { class: "sub" }, `${Math.floor((100 * item.sent) / (item.size || 1))} %`)];
-    case "retrying":
-      return [tag("waiting for connection", "warn")];
-    case "sent":
-      return tag(standingOf(state, item), KINDS[state.verdicts.get(item.frameId)?.outcome] ?? "live");
-    case "lost":
-      return tag("select again", "warn");
-    default:
-      return [tag("not accepted", "bad"), h("span", { class: "why", title: item.error }, item.error)];
-  }
-}
-
-function judgeAgain(queue, judgeName) {
-  for (const item of queue.items) if (!item.edited && !item.armed && EDITABLE.includes(item.state)) Object.assign(item, { scene: undefined, upload: undefined, once: undefined }, judgeName(item.name));
-  queue.changed();
-}
-
-function debounce(work, ms) {
-  let timer;
-  return () => {
-    clearTimeout(timer);
-    timer = setTimeout(work, ms);
-  };
 }

@@ -261,7 +261,7 @@ const viewOf = async (file, from, to) => new DataView(await file.slice(from, to)
 const AT_ONCE = 8;
 
 /** Rows {key, name, size, kind, file, header, centre, fault} of [{file, name}]; `onProgress(read, of)`, and `signal` stops it. */
-export async function readCard(files, { onProgress = () => {}, signal, centres = true }) {
+export async function readCard(files, { onProgress = () => {}, signal } = {}) {
   const entries = (await Promise.all(files.map(openZip))).flat();
   const rows = entries.map((entry) => ({ key: `${entry.name} ${entry.size}`, kind: kindOf(entry.name), ...entry }));
   const readAll = async (kind) => {
@@ -269,7 +269,7 @@ export async function readCard(files, { onProgress = () => {}, signal, centres =
     let read = rows.length - waiting.length;
     const readNext = async () => {
       for (let row = waiting.pop(); row && !signal?.aborted; row = waiting.pop()) {
-        await readOne(row, centres);
+        await readOne(row);
         onProgress((read += 1), rows.length);
       }
     };
@@ -282,11 +282,11 @@ export async function readCard(files, { onProgress = () => {}, signal, centres =
   return rows;
 }
 
-async function readOne(row, centres) {
+async function readOne(row) {
   try {
     row.file ??= await row.open();
     row.header = await readHeader(row.file);
-    row.centre = row.header && centres ? await measureCentre(row.file, row.header) : undefined;
+    row.centre = row.header && (await measureCentre(row.file, row.header));
   } catch (error) {
     // what has no header that can be read is listed as skipped, with the reason
     row.fault = error.message;

@@ -77,8 +77,15 @@ export async function propose(rows, { methods, cameras = [], campaigns = [] }, c
   };
 }
 
+/** Files that are added to a campaign, each with the role and scene that the service proposes. */
+export async function placeIn(campaign, rows) {
+  const { frames } = rows.length ? await post("/v1/proposals", { frames: rows.map(stateOf), campaign_id: campaign.id }) : { frames: [] };
+  return rows.map((row, at) => ({ ...row, role: frames[at].role, scene: frames[at].scene }));
+}
+
 /** A frame as the service is asked about it; an absurd value of its header is left out. */
-function stateOf({ name, size, header: { taken, exposure_time_s, f_number, iso, band }, centre }) {
+function stateOf({ name, size, header, centre }) {
+  const { taken, exposure_time_s, f_number, iso, band } = header ?? {};
   const positive = (value) => (value > 0 && value < 1e9 ? value : undefined);
   const finite = (value) => (Number.isFinite(value) ? value : undefined);
   return { name: name.slice(-1000), size_bytes: size, taken_s: finite(taken / 1000), exposure_time_s: positive(exposure_time_s), f_number: positive(f_number), iso: positive(iso), band: band?.slice(0, 200), signal_share: finite(centre?.signal) };
