@@ -44,7 +44,7 @@ def main() -> int:
     parent = Path("stilb-data").absolute()
     parent_is_new = not given and not parent.exists()
     if not given:
-        parent.mkdir(exist_ok=True)
+        parent.mkdir(mode=0o700, exist_ok=True)
     prefix = time.strftime("demo-%Y%m%d-%H%M%S-")
     data = Path(given).absolute() if given else Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:

@@ -74,8 +74,14 @@ def test_only_a_folder_that_the_demo_made_is_removed(tmp_path, monkeypatch, was_
     monkeypatch.delenv("STILB_DATA", raising=False)
     monkeypatch.delenv("METHOD", raising=False)
     monkeypatch.setattr(__main__.signal, "signal", lambda *_: None)
-    monkeypatch.setattr(__main__, "_run", lambda *_, **__: 0)
+    modes = []
+    monkeypatch.setattr(
+        __main__,
+        "_run",
+        lambda _, __, data, *___, **____: modes.append(data.parent.stat().st_mode & 0o777) or 0,
+    )
     if was_there:
         (tmp_path / "stilb-data").mkdir()
     assert __main__.main() == 0
     assert [each.name for each in tmp_path.iterdir()] == ["stilb-data"] * was_there
+    assert was_there or modes == [0o700]
