@@ -72,7 +72,8 @@ def main() -> int:
     if name not in COMMANDS:
         lines = [f"  {each:<15}{known.meaning}" for each, known in COMMANDS.items()]
         asked = name in {"--help", "-h"}
-        usage = "\n".join(["usage: stilb-server <command>", "", *lines])
+        fault = [] if asked else [f"stilb-server: there is no command {name}"]
+        usage = "\n".join([*fault, "usage: stilb-server <command>", "", *lines])
         print(usage, file=sys.stdout if asked else sys.stderr)
         return 0 if asked else 2
     _check_arguments(name, COMMANDS[name])

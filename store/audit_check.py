@@ -432,7 +432,8 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"the rows are as it left them: {rows.compared} compared")  # noqa: T201
     if rows.unrecorded:
         print(f"not covered: {rows.unrecorded} of them, or a part of each, are older than their record")  # noqa: T201
-    print(f"head {last}\nNote the head elsewhere; `make audit HEAD=...` compares it later.")  # noqa: T201
+    later = f"`make audit HEAD={last}` or `stilb-server audit {last}` compares it later"
+    print(f"head {last}\nNote the head elsewhere: {later}.")  # noqa: T201
     return 0
 
 
