@@ -36,13 +36,13 @@ def test_a_campaign_is_made_and_filled(page, shots):
     expect(page.get_by_label("Decision rule")).to_have_count(0)
     page.get_by_role("radio", name=re.compile("^Calibration")).check()
     page.get_by_role("radio", name="Luminance").check()
-    for label, text in {
-        "Make": "DJI",
-        "Model": "FC6520",
-        "Serial number": "0K1XE8",
-        "Project number": "P-17",
-        "Focus distance [m]": "1.5",
-    }.items():
+    page.get_by_label("Camera", exact=True).select_option(label="Register another…")
+    dialog = page.get_by_role("dialog")
+    for label, text in {"Make": "DJI", "Model": "FC6520", "Serial number": "0K1XE8"}.items():
+        dialog.get_by_label(label, exact=True).fill(text)
+    dialog.get_by_role("button", name="Register").click()
+    expect(dialog).to_have_count(0)
+    for label, text in {"Project number": "P-17", "Focus distance [m]": "1.5"}.items():
         page.get_by_role("textbox", name=label, exact=True).fill(text)
     page.get_by_role("combobox", name="Lamp", exact=True).fill("A")
     page.get_by_label("Kind of lamp").select_option("incandescent")
@@ -504,11 +504,13 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     button.click()
     page.wait_for_url(made)
     button = create(page, "Reflectance")
-    panel = page.locator("#panel")
-    panel.locator("select").select_option("new")
+    page.locator("#panel").locator("select").select_option(label="Register another…")
+    panel = page.get_by_role("dialog")
     panel.get_by_label("Serial number").fill("RP02")
     panel.get_by_label("Measured on").fill("2026-03-14")
     panel.get_by_label("Reflectance").fill("green 0,69 0,005\nred 0,68")
+    panel.get_by_role("button", name="Register").click()
+    expect(panel).to_have_count(0)
     button.click()
     page.wait_for_url(made)
     button = create(page, "Sharpness")

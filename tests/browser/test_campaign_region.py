@@ -72,16 +72,14 @@ def test_edges_that_cross_or_leave_the_frame_are_told_and_not_sent(page, team, s
     expect(page.get_by_role("alert")).to_contain_text("The edges cross")
 
 
-def test_a_roi_file_goes_in_and_out(page, team, service, frame, tmp_path):
+def test_a_roi_file_becomes_a_macro(page, team, service, frame, tmp_path):
     campaign_id = open_region(page, team, service, frame)
     page.get_by_text("ImageJ: macro and .roi").click()
     page.get_by_label("ImageJ file").set_input_files(
         write_roi(tmp_path / "a.roi", [(10, 5), (60, 8), (40, 50)])
     )
     expect(page.get_by_role("button", name="Corner 3 of 3: x 40, y 50")).to_be_visible()
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Save .roi").click()
-    assert read_roi(download.value.path().read_bytes()) == [(10, 5), (60, 8), (40, 50)]
+    expect(page.get_by_label("ImageJ macro")).to_have_value("makePolygon(10,5,60,8,40,50);")
     page.get_by_label("ImageJ file").set_input_files(
         {"name": "b.roi", "mimeType": "application/octet-stream", "buffer": b"Iout" + bytes(90)}
     )
@@ -98,13 +96,6 @@ def write_roi(path, points):
     cells = [x - min(xs) for x in xs] + [y - min(ys) for y in ys]
     path.write_bytes(head.ljust(64, b"\0") + struct.pack(f">{len(cells)}h", *cells))
     return path
-
-
-def read_roi(content):
-    kind, top, left, count = struct.unpack_from(">6xBx2h4xH", content)
-    assert (content[:4], kind) == (b"Iout", 0)
-    cells = struct.unpack_from(f">{2 * count}h", content, 64)
-    return [(left + x, top + y) for x, y in zip(cells[:count], cells[count:], strict=True)]
 
 
 def test_the_parts_of_a_chart_have_names(page, team, service, frame):

@@ -39,7 +39,7 @@ def test_a_card_of_a_multispectral_camera_becomes_what_is_in_force_for_its_day(p
     page.get_by_label("Role of scene 1").select_option("panel")
     page.get_by_role("button", name="Create campaign and send").click()
     page.locator("#before").get_by_role("button", name="Choose panel…").click()
-    dialog = page.get_by_role("dialog", name="Panel of this campaign")
+    dialog = page.get_by_role("dialog", name="Register a panel")
     for label, text in (
         ("Serial number", "P-18"),
         ("Measured on", "2018-03-01"),
@@ -47,7 +47,7 @@ def test_a_card_of_a_multispectral_camera_becomes_what_is_in_force_for_its_day(p
     ):
         dialog.get_by_label(label).fill(text)
     look(page, "reflectance-panel")
-    dialog.get_by_role("button", name="Save").click()
+    dialog.get_by_role("button", name="Register").click()
     expect(dialog).to_have_count(0)
     draw(page, REGION)
     page.get_by_role("button", name="Use for all frames").click()

@@ -333,13 +333,13 @@ class Pages(Door):
         """From the line that says that it is missing."""
         page = self.page
         page.locator("#before").get_by_role("button", name="Choose panel…").click(timeout=PATIENCE_MS)
-        dialog = page.get_by_role("dialog", name="Panel of this campaign")
+        dialog = page.get_by_role("dialog", name="Register a panel")
         dialog.get_by_label("Serial number").fill(panel["serial"])
         dialog.get_by_label("Measured on").fill(panel["measured_on"])
         lines = [" ".join(str(value) for value in band.values()) for band in panel["bands"]]
         dialog.get_by_label("Reflectance").fill("\n".join(lines))
         self._look("2-panel")
-        dialog.get_by_role("button", name="Save").click()
+        dialog.get_by_role("button", name="Register").click()
         expect(dialog).to_have_count(0)
 
     def _register_meter(self, meter: Mapping[str, Any]) -> None:

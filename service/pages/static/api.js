@@ -151,15 +151,16 @@ const LEAST_MS = 1000;
 const ANSWERS_WITHIN_MS = 20000;
 
 /** Start a job and wait for it, while `told` says how far it is; answers its result, or throws its problem. */
-export async function runJob(path, body, told, doing) {
+export async function runJob(path, body, told, doing, { signal } = {}) {
+  const tell = ({ state, progress }) => (told.textContent = state === "queued" ? "Queued…" : `${doing}, ${Math.round(100 * progress)} %`);
+  told.textContent = `${doing}…`;
   try {
-    told.textContent = "Asking…";
-    const begun = await post(path, body);
-    const job = await followJob(begun.id, (each) => (told.textContent = each.state === "queued" ? "Queued…" : `${doing}, ${Math.round(100 * each.progress)} %`));
+    const begun = await post(path, body, { signal });
+    const job = begun.state === "succeeded" ? begun : await followJob(begun.id, tell, { signal });
     if (job.state !== "succeeded") throw new Problem(job.error);
     return job.result;
   } finally {
-    told.textContent = "";
+    if (!signal?.aborted) told.textContent = "";
   }
 }
 

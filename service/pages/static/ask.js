@@ -2,6 +2,7 @@
 
 import { act, h, openDialog, prose, wrong } from "./dom.js";
 import { FIELDS } from "./fields.js";
+import { inOrder } from "./format.js";
 
 /**
  * ask({title, body?, fields: [{name, label, type?, hint?, of?, help?, value?, required?, options?}], after?, submit: "Publish",
@@ -84,6 +85,22 @@ function aboutButton(label, text) {
 }
 
 export const select = (options, attributes = {}, chosen = undefined) => h("select", attributes, options.map(([value, text]) => h("option", { value, selected: value === chosen }, text)));
+
+const ANOTHER = "another";
+
+/** A list of what is registered, after `none` of it; its last choice asks by `register()` for another. */
+export function registry(items, { nameOf, register, none, ...attributes }, chosen = "") {
+  const known = [...items];
+  const offer = (id) => list.replaceChildren(...select([["", none], ...inOrder(known, nameOf).map((each) => [each.id, nameOf(each)]), [ANOTHER, "Register another…"]], {}, id).children);
+  const list = h("select", { ...attributes, onchange: async () => {
+    if (list.value !== ANOTHER) return;
+    const made = await register();
+    if (made) known.push(made);
+    offer(made?.id ?? "");
+  } });
+  offer(chosen);
+  return list;
+}
 
 export const decimal = (attributes = {}) => h("input", { inputmode: "decimal", autocomplete: "off", ...attributes });
 

@@ -35,7 +35,14 @@ export function done(text, undo) {
   toast(text, { label: "Undo", key: "Z", action: () => take(undo) });
 }
 
-export const undoLast = () => steps.length && take(steps.at(-1));
+const LETTERS = "stilb-letter-keys";
+export const lettersOn = () => localStorage.getItem(LETTERS) !== "off";
+export const turnLetters = (on) => localStorage.setItem(LETTERS, on ? "on" : "off");
+
+/** Whether a letter was typed that may be a command: in no field, and in no dialog but that of a frame. */
+export const isCommand = (event) => lettersOn() && !event.ctrlKey && !event.metaKey && !event.altKey && !event.target.closest("input, select, textarea, dialog:not(.frame-sheet)");
+
+addEventListener("keydown", (event) => event.key.toLowerCase() === "z" && isCommand(event) && steps.length && take(steps.at(-1)));
 
 export async function take(undo) {
   const at = steps.indexOf(undo);
@@ -150,9 +157,9 @@ export const may = (scope) => (document.querySelector("meta[name=scopes]")?.cont
 
 /**
  * A table in its frame. Columns: {head, cell: row => node or text, class?}; the first may be {header: true}.
- * `stack`: on a phone each row becomes a card, for tables that are read row by row; others are moved sideways.
+ * `kind`: its class. `stack`: on a phone each row becomes a card, for tables that are read row by row; others are moved sideways.
  */
-export function table(columns, rows, { caption, row = () => ({}), stack = false } = {}) {
+export function table(columns, rows, { caption, row = () => ({}), stack = false, kind = "" } = {}) {
   const cell = (column, each) => {
     const content = column.cell(each);
     return h(column.header ? "th" : "td",
@@ -167,7 +174,7 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
       stack && Array.isArray(content) ? h("div", {}, content) : content,
     );
   };
-  return h("div", { class: "table", tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
+  return h("div", { class: `table ${kind}`, tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
     h("table", { role: "table", class: stack ? "stack" : null },
       caption ? h("caption", { class: "hidden" }, caption) : null,
       h("thead", { role: "rowgroup" },

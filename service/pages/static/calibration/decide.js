@@ -6,7 +6,7 @@ import { editDetails } from "../campaign/details.js";
 import { parametersFold } from "../campaign/parameters.js";
 import { causeFold, small, smallLink } from "../causes.js";
 import { act, byId, fill, h, leave, load, may, table, toast } from "../dom.js";
-import { fixed, number, quantity, tag, withUncertainty } from "../format.js";
+import { fixed, quantity, tag, withUncertainty } from "../format.js";
 import { methodOf, named } from "../methods.js";
 import { statePerson } from "../organisation/person.js";
 import { editCamera } from "../pages/camera-edit.js";

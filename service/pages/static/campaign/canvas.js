@@ -18,7 +18,6 @@ export class RegionEditor extends EventTarget {
     this.regions = regions.length ? structuredClone(regions) : [{ name: "", points: [], closed: false }];
     this.active = 0;
     this.past = [];
-    this.future = [];
     this.dirty = false;
     this.tell(true);
   }
@@ -45,7 +44,6 @@ export class RegionEditor extends EventTarget {
   remember() {
     this.past.push(JSON.stringify([this.regions, this.active]));
     this.past = this.past.slice(-KEPT);
-    this.future = [];
     this.dirty = true;
   }
 
@@ -125,17 +123,8 @@ export class RegionEditor extends EventTarget {
   }
 
   undo() {
-    this.travel(this.past, this.future);
-  }
-
-  redo() {
-    this.travel(this.future, this.past);
-  }
-
-  travel(from, to) {
-    if (!from.length) return;
-    to.push(JSON.stringify([this.regions, this.active]));
-    [this.regions, this.active] = JSON.parse(from.pop());
+    if (!this.past.length) return;
+    [this.regions, this.active] = JSON.parse(this.past.pop());
     this.tell(true);
   }
 }
@@ -241,8 +230,7 @@ export class RegionCanvas extends HandleView {
       editor.insert(index + 1, middle(editor.points[index], editor.points[(index + 1) % editor.points.length]));
       this.handles.children[index + 1].focus();
     } else if (event.key === "Enter") editor.close();
-    else if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") event.shiftKey ? editor.redo() : editor.undo();
-    else if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "y") editor.redo();
+    else if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") editor.undo();
     else return super.key(event);
     return true;
   }

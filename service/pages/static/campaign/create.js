@@ -2,31 +2,29 @@
 
 import { all, post } from "../api.js";
 import { act, byId, fill, h, leave, load } from "../dom.js";
-import { cameraName, inOrder } from "../format.js";
+import { cameraName } from "../format.js";
 import { METHODS, methodOf } from "../methods.js";
+import { registerCamera } from "../pages/camera-edit.js";
 import { DETAILS, detailsOf, isOfLens } from "./details.js";
-import { about, choices, field, filled, numberOf, select } from "../ask.js";
+import { about, choices, field, filled, registry } from "../ask.js";
 import { statedPart, withManual } from "./parameters.js";
-import { panelPart, targetPart } from "./target.js";
+import { panelField, targetPart } from "./target.js";
 
-const NEW = "new";
 const form = byId("new-campaign");
 let method = null;
 let night = false;
 const needsPanel = () => !night && method?.reference === "panel";
 let target = null;
 let stated = null;
-let camera = { read: () => ({}) };
 /** The lens is asked for with the camera; another one is entered later. */
 const ASKED = DETAILS.filter(({ name }) => !isOfLens(name));
 fill(byId("details"), ASKED.map(({ name, label, type }) => field(label, type === "textarea" ? h("textarea", { id: name, name, rows: "2" }) : h("input", { id: name, name, type, autocomplete: "off" }), null, about("NewCampaign", name))));
 
-let panel = { read: () => undefined };
-
 fill(byId("kinds"), choices("kind", [["calibration", "Calibration", "Frames and readings that a version is fitted from."], ["measurement", "Measuring night", "Field frames that are measured with a published version; never used to calibrate."]], turn));
 turn("calibration");
-load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
-load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(offerPanel);
+// frames of another camera are refused: of several, none is taken for granted
+load(byId("camera"), () => all("/v1/cameras"), (cameras) => field("Camera", registry(cameras, { nameOf: cameraName, register: () => registerCamera(), none: "Select…", name: "camera_id", required: true }, cameras.length === 1 ? cameras[0].id : ""), null, about("NewCampaign", "camera_id")));
+load(byId("panel"), () => all("/v1/panels"), (panels) => panelField(panels)).then(offerPanel);
 
 form.addEventListener("submit", (event) => {
   event.preventDefault();
@@ -63,50 +61,7 @@ function offerPanel() {
 async function create() {
   const said = filled(form);
   const details = detailsOf(Object.fromEntries(ASKED.filter(({ name }) => said[name]).map(({ name }) => [name, said[name]])));
-  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...details };
-  Object.assign(body, stated.read());
-  if (target) body.target = target.read(); // left out where there is no form
-  if (needsPanel()) body.panel_id = await panel.read();
-  body.camera_id = await camera.read();
-  const made = await post("/v1/campaigns", body);
+  const { camera_id, panel_id, kind } = said;
+  const made = await post("/v1/campaigns", { method: method.name, kind, ...details, ...stated.read(), target: target?.read(), panel_id, camera_id });
   await leave(`/campaigns/${made.id}`);
-}
-
-function cameraPart(cameras) {
-  const known = inOrder(cameras, cameraName).map((each) => [each.id, cameraName(each)]);
-  // frames of another camera are refused: of several, none is taken for granted
-  const several = known.length > 1 ? [["", "Select…"]] : [];
-  const chosen = select([...several, ...known, [NEW, "Register another…"]], { name: "camera_id", required: true }, several.length ? "" : known[0]?.[0]);
-  const make = h("input", { autocomplete: "off" });
-  const model = h("input", { autocomplete: "off" });
-  const serial = h("input", { autocomplete: "off" });
-  const lens = [h("input", { autocomplete: "off" }), h("input", { autocomplete: "off" })];
-  const pitch = h("input", { inputmode: "decimal", autocomplete: "off" });
-  const fresh = h("fieldset", {},
-    h("legend", {}, "New camera"),
-    h("div", { class: "fields" },
-      field("Make", make, null, about("NewCamera", "make")),
-      field("Model", model, null, about("NewCamera", "model")),
-      field("Serial number", serial, null, about("NewCamera", "serial")),
-      field("Lens make", lens[0], null, about("Lens", "make")),
-      field("Lens model", lens[1], null, about("Lens", "model")),
-      field("Pixel pitch [µm]", pitch, null, about("NewCamera", "pixel_pitch_um")),
-    ),
-  );
-  const show = () => {
-    fresh.hidden = chosen.value !== NEW;
-    for (const input of [make, model, serial]) input.required = !fresh.hidden;
-  };
-  chosen.addEventListener("change", show);
-  show();
-  const element = h("div", {}, known.length ? field("Camera", chosen, null, about("NewCampaign", "camera_id")) : null, fresh);
-  const read = async () => {
-    if (chosen.value !== NEW) return chosen.value;
-    const body = { make: make.value.trim(), model: model.value.trim(), serial: serial.value.trim(), pixel_pitch_um: numberOf(pitch) };
-    const [lensMake, lensModel] = lens.map((input) => input.value.trim() || undefined);
-    // one without the other is refused, and said so
-    if (lensMake || lensModel) body.lens = { make: lensMake, model: lensModel };
-    return (await post("/v1/cameras", body)).id;
-  };
-  return { element, read };
 }

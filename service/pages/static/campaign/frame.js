@@ -1,11 +1,10 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
 import { get, patch, pause } from "../api.js";
-import { act, failed, fill, h, isPressed, mark, may, openDialog } from "../dom.js";
+import { act, failed, fill, h, isPressed, lettersOn, mark, may, openDialog } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, stateWords, time, typeset, words } from "../format.js";
 import { frameCell, kindOf, sayState } from "./rows.js";
 import { about, decimal, field, numberOf, select } from "../ask.js";
-import { lettersOn } from "./grid-tools.js";
 import { lookPart } from "./look.js";
 import { EXPOSURE, askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
 import { holdingFor, isRead, originOf } from "./state.js";

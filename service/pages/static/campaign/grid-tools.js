@@ -2,7 +2,7 @@
 
 import { all } from "../api.js";
 import { select } from "../ask.js";
-import { OUTCOMES, act, fill, h, mark, may, openDialog } from "../dom.js";
+import { OUTCOMES, act, fill, h, lettersOn, mark, may, openDialog, turnLetters } from "../dom.js";
 import { number } from "../format.js";
 import { roleOptions } from "../methods.js";
 import { readingTools } from "./book.js";
@@ -72,7 +72,6 @@ export function bulkOf({ state, chosen, clear, rest }) {
   return { element: bulk, drawBulk };
 }
 
-const KEPT = "stilb-letter-keys";
 const KEYS = [
   ["Arrows, Page Up, Page Down", "walk the grid"],
   ["Home, End", "ends of a row; with Ctrl, of the grid"],
@@ -87,13 +86,11 @@ const KEYS = [
   ["Esc", "close; from a reading back to the grid"],
 ];
 
-export const lettersOn = () => localStorage.getItem(KEPT) !== "off";
-
 export function showKeys() {
   const dialog = h("dialog", { "aria-labelledby": "keys" },
     h("h2", { id: "keys" }, "Keys"),
     h("dl", { class: "facts" }, KEYS.map(([key, does]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, does)])),
-    h("label", { class: "check" }, h("input", { type: "checkbox", checked: lettersOn(), onchange: (event) => localStorage.setItem(KEPT, event.target.checked ? "on" : "off") }), "Letter keys"),
+    h("label", { class: "check" }, h("input", { type: "checkbox", checked: lettersOn(), onchange: (event) => turnLetters(event.target.checked) }), "Letter keys"),
     h("p", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close")),
   );
   openDialog(dialog);

@@ -1,10 +1,10 @@
 // Every frame of the campaign in a grid by the method's axes, with readings, verdicts and gaps. Only lines that are seen exist.
 
-import { act, byId, empty, fill, h, isPressed, may, placeAfter, undoLast } from "../dom.js";
+import { act, byId, empty, fill, h, isCommand, isPressed, lettersOn, may, placeAfter } from "../dom.js";
 import { number } from "../format.js";
 import { ReadingBook } from "./book.js";
 import { openFrame } from "./frame.js";
-import { bulkOf, lettersOn, showKeys, toolsOf } from "./grid-tools.js";
+import { bulkOf, showKeys, toolsOf } from "./grid-tools.js";
 import { layOut } from "./matrix.js";
 import { askWhere, leaveOut, moveTo } from "./moves.js";
 import { CARDS, TALLER, gridRows, phone } from "./rows.js";
@@ -405,11 +405,7 @@ export function gridSection(state) {
     stale = true;
     soon();
   });
-  document.addEventListener("keydown", (event) => {
-    if (event.target.closest("input, select, textarea, dialog:not(.frame-sheet)") || event.ctrlKey || event.metaKey || event.altKey || !lettersOn()) return;
-    if (event.key.toLowerCase() === "z") undoLast();
-    else if (event.key === "?") showKeys();
-  });
+  document.addEventListener("keydown", (event) => !state.left && event.key === "?" && isCommand(event) && showKeys());
   book.addEventListener("change", draw);
   state.on("frames", draw);
   state.on("open-frame", ({ detail }) => open(detail));

@@ -1,6 +1,6 @@
-// Import and export of ImageJ macro lines and .roi files.
+// Regions as lines of an ImageJ macro, and from its .roi files.
 
-import { act, fill, h, may, wrong } from "../dom.js";
+import { act, h, may, wrong } from "../dom.js";
 
 const TYPES = { polygon: 0, rectangle: 1, freehand: 7, traced: 8 };
 const SUBPIXEL = 128;
@@ -11,12 +11,12 @@ function readMacro(text) {
   const found = [];
   for (const [, name, inside, after] of text.matchAll(/\b(makePolygon|makeRectangle)\s*\(([^()]*)\)\s*;?([^\n]*)/g)) {
     const numbers = inside.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
-    if (numbers.some((number) => !Number.isFinite(number))) throw new Error(`${name} contains a value that is not a number: ${inside.trim().slice(0, 60)}`);
-    if (name === "makeRectangle" && numbers.length !== 4) throw new Error("makeRectangle wants four numbers: x, y, width, height.");
-    if (name === "makePolygon" && (numbers.length < 6 || numbers.length % 2)) throw new Error("makePolygon wants three corners or more, each with its x and its y.");
+    if (numbers.some((number) => !Number.isFinite(number))) throw wrong(`${name} contains a value that is not a number: ${inside.trim().slice(0, 60)}`);
+    if (name === "makeRectangle" && numbers.length !== 4) throw wrong("makeRectangle wants four numbers: x, y, width, height.");
+    if (name === "makePolygon" && (numbers.length < 6 || numbers.length % 2)) throw wrong("makePolygon wants three corners or more, each with its x and its y.");
     found.push({ name: /\/\/\s*(\S.*)/.exec(after)?.[1].trim(), points: name === "makeRectangle" ? rectangle(...numbers) : pairs(numbers) });
   }
-  if (!found.length) throw new Error("The text contains no makePolygon(...) or makeRectangle(...).");
+  if (!found.length) throw wrong("The text contains no makePolygon(...) or makeRectangle(...).");
   return found;
 }
 
@@ -25,7 +25,7 @@ const writeMacro = (regions) => regions.map(({ name, points }) => `makePolygon($
 
 function readRoi(buffer) {
   const view = new DataView(buffer);
-  if (buffer.byteLength < HEADER || view.getUint32(0) !== 0x496f7574) throw new Error("This is not an ImageJ .roi file. Unpack a RoiSet.zip first.");
+  if (buffer.byteLength < HEADER || view.getUint32(0) !== 0x496f7574) throw wrong("This is not an ImageJ .roi file. Unpack a RoiSet.zip first.");
   const [version, type, top, left, bottom, right] = [view.getInt16(4), view.getUint8(6), view.getInt16(8), view.getInt16(10), view.getInt16(12), view.getInt16(14)];
   const [count, options] = [view.getUint16(16), view.getUint16(50)];
   const fine = (options & SUBPIXEL) !== 0;
@@ -34,42 +34,15 @@ function readRoi(buffer) {
     const [x, y, width, height] = [18, 22, 26, 30].map((at) => view.getFloat32(at));
     return { name, points: fine && version >= 223 && width > 0 ? rectangle(x, y, width, height) : rectangle(left, top, right - left, bottom - top) };
   }
-  if (![TYPES.polygon, TYPES.freehand, TYPES.traced].includes(type)) throw new Error("The region is not a polygon: ovals, lines and points have no corners. Draw it as a polygon in ImageJ.");
+  if (![TYPES.polygon, TYPES.freehand, TYPES.traced].includes(type)) throw wrong("The region is not a polygon: ovals, lines and points have no corners. Draw it as a polygon in ImageJ.");
   const whole = HEADER + 4 * count;
-  if (count < 3 || buffer.byteLength < (fine && version >= 222 ? whole + 8 * count : whole)) throw new Error("The .roi file is incomplete.");
+  if (count < 3 || buffer.byteLength < (fine && version >= 222 ? whole + 8 * count : whole)) throw wrong("The .roi file is incomplete.");
   const points = Array.from({ length: count }, (_, i) =>
     fine && version >= 222
       ? [view.getFloat32(whole + 4 * i), view.getFloat32(whole + 4 * (count + i))]
       : [left + view.getInt16(HEADER + 2 * i), top + view.getInt16(HEADER + 2 * (count + i))],
   );
   return { name, points };
-}
-
-function writeRoi({ name = "", points }) {
-  const count = points.length;
-  const fine = points.flat().some((value) => !Number.isInteger(value));
-  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];
-  const [left, top] = [Math.floor(Math.min(...xs)), Math.floor(Math.min(...ys))];
-  const second = HEADER + 4 * count + (fine ? 8 * count : 0);
-  const view = new DataView(new ArrayBuffer(second + 64 + 2 * name.length));
-  view.setUint32(0, 0x496f7574);
-  view.setInt16(4, 228);
-  view.setUint8(6, TYPES.polygon);
-  [top, left, Math.ceil(Math.max(...ys)), Math.ceil(Math.max(...xs))].forEach((value, i) => view.setInt16(8 + 2 * i, value));
-  view.setUint16(16, count);
-  view.setUint16(50, fine ? SUBPIXEL : 0);
-  view.setUint32(60, second);
-  points.forEach(([x, y], i) => {
-    view.setInt16(HEADER + 2 * i, Math.round(x) - left);
-    view.setInt16(HEADER + 2 * (count + i), Math.round(y) - top);
-    if (!fine) return;
-    view.setFloat32(HEADER + 4 * count + 4 * i, x);
-    view.setFloat32(HEADER + 4 * count + 4 * (count + i), y);
-  });
-  view.setUint32(second + 16, second + 64);
-  view.setUint32(second + 20, name.length);
-  [...Array(name.length).keys()].forEach((i) => view.setUint16(second + 64 + 2 * i, name.charCodeAt(i)));
-  return view.buffer;
 }
 
 function readName(view, version) {
@@ -83,7 +56,7 @@ function readName(view, version) {
 const rectangle = (x, y, width, height) => [[x, y], [x + width, y], [x + width, y + height], [x, y + height]];
 const pairs = (numbers) => numbers.flatMap((x, i) => (i % 2 ? [] : [[x, numbers[i + 1]]]));
 
-export function imagejPart(editor, frameOf) {
+export function imagejPart(editor) {
   const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", "aria-describedby": "imagej-hint", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });
   const show = () => {
     if (document.activeElement !== text) text.value = writeMacro(editor.regions.filter((region) => region.closed));
@@ -98,39 +71,22 @@ export function imagejPart(editor, frameOf) {
     }
     editor.take(regions);
   };
-  const told = (read) => {
-    try {
-      return read();
-    } catch (error) {
-      throw error.code ? error : wrong(error.message);
-    }
-  };
   const files = h("input", { type: "file", hidden: true, multiple: true, accept: ".roi,.ijm,.txt", "aria-label": "ImageJ file", onchange: () => act(open, load) });
   async function load() {
     const regions = [];
     for (const file of files.files) {
       const data = await file.arrayBuffer();
-      const found = told(() => (file.name.toLowerCase().endsWith(".roi") ? [readRoi(data)] : readMacro(new TextDecoder().decode(data))));
+      const found = file.name.toLowerCase().endsWith(".roi") ? [readRoi(data)] : readMacro(new TextDecoder().decode(data));
       regions.push(...found.map((region, index) => ({ ...region, name: region.name ?? (files.files.length + found.length > 2 ? `${file.name.replace(/\.\w+$/, "")}${index || ""}` : "") })));
     }
     files.value = "";
     inside(regions.length === 1 ? [{ ...regions[0], name: "" }] : regions);
   }
   const open = h("button", { type: "button", onclick: () => files.click() }, "Open .roi or macro");
-  const links = h("span", { class: "actions" });
-  const drawLinks = () => fill(links, h("button", { type: "button", disabled: !editor.region.closed, onclick: () => save(editor.region, frameOf()) }, "Save .roi"));
-  editor.addEventListener("settled", drawLinks);
-  drawLinks();
   return h("details", { class: "imagej" },
     h("summary", {}, "ImageJ: macro and .roi"),
-    h("p", { class: "hint", id: "imagej-hint" }, "Lines of ImageJ’s macro recorder, such as makeRectangle, makeOval or makePolygon, in pixels of the frame. A line is a part of the region."),
+    h("p", { class: "hint", id: "imagej-hint" }, "Lines of ImageJ’s macro recorder, makePolygon or makeRectangle, in pixels of the frame. A line is a part of the region."),
     text,
-    h("p", { class: "actions" }, may("calibrate") ? [h("button", { type: "button", onclick: (event) => act(event.target, async () => inside(told(() => readMacro(text.value)))) }, "Use this macro"), open, files] : null, links),
+    h("p", { class: "actions" }, may("calibrate") ? [h("button", { type: "button", onclick: (event) => act(event.target, async () => inside(readMacro(text.value))) }, "Use this macro"), open, files] : null),
   );
-}
-
-function save(region, frame) {
-  const address = URL.createObjectURL(new Blob([writeRoi(region)], { type: "application/octet-stream" }));
-  h("a", { href: address, download: `${region.name || frame.filename.replace(/\.\w+$/, "")}.roi` }).click();
-  setTimeout(() => URL.revokeObjectURL(address), 1000);
 }

@@ -1,6 +1,6 @@
 // What a region holds, computed by the service while it is drawn: statistics, histogram and clipped pixels.
 
-import { followJob, pause, post } from "../api.js";
+import { pause, runJob } from "../api.js";
 import { failed, fill, h, svg, table } from "../dom.js";
 import { counted, fixed, number, percent } from "../format.js";
 import { areaOf, faultOf } from "./canvas.js";
@@ -17,7 +17,7 @@ export function lookPart(onClipping) {
   let asked = new AbortController();
   let before = "";
 
-  async function look(frame, region, { eager = false } = {}) {
+  async function look(frame, region) {
     const question = JSON.stringify([frame?.id, region.points, region.closed]);
     if (question === before) return;
     before = question;
@@ -25,32 +25,25 @@ export function lookPart(onClipping) {
     asked = new AbortController();
     const { signal } = asked;
     const fault = region.closed ? faultOf(region.points) : hintOf(region.points);
-    element.classList.toggle("stale", true);
+    element.classList.add("stale");
     if (fault || !frame) {
       told.textContent = fault ?? "Select a frame that has been read.";
       fill(shown);
       onClipping(null);
       return;
     }
-    told.textContent = "Reading the region…";
     try {
-      if (!eager) await pause(SETTLE_MS);
-      if (signal.aborted) return;
-      const begun = await post(`/v1/frames/${frame.id}/region`, { polygon: region.points }, { signal });
-      const job = await followJob(begun.id, (each) => {
-        if (each.state === "queued") told.textContent = "Waits for a worker…";
-      }, { signal });
-      if (signal.aborted) return;
-      if (!job.result) throw Object.assign(new Error(job.error.detail), { title: "Not read", code: job.error.code, retryable: false });
-      const clipped = job.result.clipping.cells.length ? "; red is clipped" : "";
+      await pause(SETTLE_MS);
+      signal.throwIfAborted();
+      const found = await runJob(`/v1/frames/${frame.id}/region`, { polygon: region.points }, told, "Reading the region", { signal });
+      const clipped = found.clipping.cells.length ? "; red is clipped" : "";
       told.textContent = `${number(Math.round(areaOf(region.points)), 9)} px² of ${frame.filename}, from raw values${clipped}`;
-      fill(shown, histogram(job.result), rows(job.result.statistics));
+      fill(shown, histogram(found), rows(found.statistics));
       element.classList.remove("stale");
-      onClipping(job.result.clipping);
+      onClipping(found.clipping);
     } catch (error) {
-      if (error.name === "AbortError" || signal.aborted) return;
+      if (signal.aborted) return;
       before = "";
-      told.textContent = "";
       fill(shown, failed(error));
     }
   }
@@ -89,20 +82,5 @@ function histogram({ histogram: { first_dn: first, step_dn: step, channels }, st
       ...marks.map(([name, at]) => svg("line", { class: `mark ${name}`, x1: ((at - first) / (last - first)) * WIDTH, x2: ((at - first) / (last - first)) * WIDTH, y1: 0, y2: HEIGHT })),
     ),
     h("figcaption", {}, h("span", {}, `${number(first, 6)} DN`), h("span", {}, marks.map(([name, at]) => `${name} ${number(at, 6)}`).join(", ") || "counts on a square-root scale"), h("span", {}, `${number(last, 6)} DN`)),
-    rangeStrip(statistics),
   );
-}
-
-/** Where the region's values lie between black and the level at which they clip, a line for each channel. */
-function rangeStrip(statistics) {
-  const rows = statistics.length > 1 ? statistics.filter((row) => row.channel !== "grey") : statistics;
-  const [black, white] = [Math.min(...rows.map((row) => row.black_level_dn)), Math.min(...rows.map((row) => row.white_level_dn))];
-  const x = (dn) => Math.min(Math.max((dn - black) / (white - black), 0), 1) * WIDTH;
-  const line = (row, at) => svg("line", { class: `channel ${row.channel}`, x1: x(row.min_dn), x2: Math.max(x(row.max_dn), x(row.min_dn) + 1), y1: 4 + 5 * at, y2: 4 + 5 * at });
-  const most = Math.max(...rows.map((row) => row.max_dn));
-  const text = `Between black, ${number(black, 6)} DN, and clipping, ${number(white, 6)} DN, the region reaches ${number(most, 6)} DN`;
-  return [
-    svg("svg", { class: "range", viewBox: `0 0 ${WIDTH} ${3 + 5 * rows.length}`, preserveAspectRatio: "none", role: "img", "aria-label": text }, ...rows.map(line)),
-    h("figcaption", {}, h("span", {}, `black ${number(black, 6)}`), h("span", {}, `up to ${percent(x(most) / WIDTH)}`), h("span", {}, `clips at ${number(white, 6)} DN`)),
-  ];
 }

@@ -1,6 +1,6 @@
 // The parts of a campaign's page that come after its frames, each with its place there.
 
-import { all, followJob, get, getOr, patch, post } from "../api.js";
+import { all, get, getOr, patch, runJob } from "../api.js";
 import { ask } from "../ask.js";
 import { act, byId, empty, failed, fill, h, leave, load, loading, may, table, toast } from "../dom.js";
 import { ago, counted, groupBy, number, quantity, tag, time } from "../format.js";
@@ -64,7 +64,6 @@ function checklistSection(state) {
   };
   state.on("campaign", refresh);
   element.addEventListener("focusout", () => requestAnimationFrame(refresh));
-  state.on("versions", read);
   new IntersectionObserver((entries) => {
     near = entries.some((entry) => entry.isIntersecting);
     if (near) refresh();
@@ -138,16 +137,16 @@ function calibrateSection(state) {
   const versions = h("div");
   const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => ((state.fitted = found), state.tell("fitted"), found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
   show();
-  return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
+  return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state) : null, versions);
 }
 
 const fitLabel = ({ name }) => (coefficientLabel(name, headlineOf(name)).endsWith(" K") ? "Fit K" : "Fit");
 
-function starter(state, show) {
+function starter(state) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
   const given = state.method.parameters.filter((each) => each.given_by === "campaign");
   const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
-  const progress = h("div", { role: "status" });
+  const progress = h("p", { class: "muted small", role: "status" });
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
   const draw = () => {
@@ -157,24 +156,15 @@ function starter(state, show) {
   for (const name of ["campaign", "sending"]) state.on(name, draw);
   draw();
   const start = async () => {
-    fill(progress);
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
     if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
-    const begun = await post(`${state.path}/calibrations`, await parameters.read()).catch((error) => {
+    try {
+      const made = await runJob(`${state.path}/calibrations`, await parameters.read(), progress, "Fitting");
+      await leave(`/calibrations/${made.calibration_id}`);
+    } catch (error) {
       if (error.code === "campaign_incomplete") state.touch();
       throw error;
-    });
-    const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
-    const told = h("p", { class: "muted small" }, "Queued");
-    fill(progress, bar, told);
-    const job = await followJob(begun.id, (each) => {
-      bar.value = each.progress;
-      told.textContent = { queued: "Queued", running: "Fitting" }[each.state] ?? "";
-    });
-    if (job.state === "succeeded") await leave(`/calibrations/${job.result.calibration_id}`);
-    fill(progress, h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
-    await show();
-    state.tell("versions");
+    }
   };
   return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
     h("h3", {}, "New version"),

@@ -73,20 +73,18 @@ function build(state, drawable) {
   function settled() {
     drawParts();
     undo.disabled = editor.past.length === 0;
-    redo.disabled = editor.future.length === 0;
     saving.classList.toggle("dirty", editor.dirty);
     if (seen) look.look(frame, editor.region);
   }
 
   const button = (text, label, onclick) => h("button", { type: "button", title: label, "aria-label": label, onclick }, text);
   const undo = button("↶", "Undo", () => editor.undo());
-  const redo = button("↷", "Redo", () => editor.redo());
   const toolbar = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" },
     button("+", "Zoom in", () => canvas.zoom(0.7)),
     button("−", "Zoom out", () => canvas.zoom(1 / 0.7)),
     h("button", { type: "button", onclick: () => canvas.fit() }, "All"),
     may("calibrate")
-      ? [undo, redo, h("button", { type: "button", onclick: () => (editor.rectangle(), canvas.handles.firstChild?.focus()) }, "Rectangle"), h("button", { type: "button", onclick: () => editor.clear() }, "Redraw")]
+      ? [undo, h("button", { type: "button", onclick: () => (editor.rectangle(), canvas.handles.firstChild?.focus()) }, "Rectangle"), h("button", { type: "button", onclick: () => editor.clear() }, "Redraw")]
       : null,
   );
   const own = h("p", { class: "muted small" });
@@ -119,7 +117,7 @@ function build(state, drawable) {
   });
   const element = h("div", { class: "roi-tool" },
     h("div", { class: "roi-stage" }, h("div", { class: "roi-frame" }, button("‹", "Previous frame", () => step(-1)), frames, button("›", "Next frame", () => step(1))), canvas.element, toolbar, own),
-    h("div", { class: "roi-side" }, parts, look.element, saving, imagejPart(editor, () => frame)),
+    h("div", { class: "roi-side" }, parts, look.element, saving, imagejPart(editor)),
   );
   // nothing is computed for a region that nobody looks at
   new IntersectionObserver((entries, observer) => {

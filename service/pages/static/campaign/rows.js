@@ -43,7 +43,7 @@ function extraHeight(book, scene) {
 const lookOfHead = (book, scene) => [book.of(scene), book.told.get(scene), book.doubtOf(scene), book.unit, book.meter_id, book.meters.length];
 
 function sceneHead(row, book, { menu }) {
-  const { items, others, mean, spread, unit, told, fields, before, doubt } = look(book, row.value);
+  const { items, others, mean, spread, told, fields, before, doubt } = look(book, row.value);
   const said = !items.length ? (others ? counted(others, "illuminance reading") : "No reading yet") : items.length === 1 ? "1 reading" : `mean ${number(mean, 3)}, spread ${percent(spread)}`;
   const link = (text, action) => h("button", { type: "button", class: "link-button", onclick: (event) => act(event.target, action) }, text);
   const can = may("calibrate");

@@ -1,7 +1,7 @@
 // What a campaign is measured against: its target, panel and meters.
 
 import { all, patch, post } from "../api.js";
-import { about, ask, choices, decimal, field, numberOf, readNumber, select } from "../ask.js";
+import { about, ask, choices, decimal, field, numberOf, readNumber, registry, select } from "../ask.js";
 import { act, empty, fill, h, may, wrong } from "../dom.js";
 import { words } from "../format.js";
 
@@ -93,40 +93,31 @@ function chart(standing) {
   return { element, read };
 }
 
-const NEW = "new";
+const registerPanel = () => ask({
+  title: "Register a panel",
+  fields: [
+    { name: "serial", label: "Serial number", of: "NewPanel" },
+    { name: "measured_on", label: "Measured on", of: "NewPanel", type: "date" },
+    { name: "bands", label: "Reflectance", of: "NewPanel", type: "textarea", rows: 5, hint: "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known)." },
+  ],
+  submit: "Register",
+  action: ({ bands, ...said }) => post("/v1/panels", { ...said, bands: readBands(bands) }),
+});
+
+const nameOfPanel = ({ serial, bands, measured_on: day }) => `${serial}, ${bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${day} (${bands.map((each) => each.band).join(", ")})`;
+
+export const panelField = (panels, chosen) => field("Panel", registry(panels, { nameOf: nameOfPanel, register: registerPanel, none: "As named in the files, or the only one", name: "panel_id" }, chosen), null, about("NewCampaign", "panel_id"));
 
 /** A campaign that began without its panel, as one from a card does, is told it in a dialog. */
 export async function choosePanel(state) {
   const panels = await all("/v1/panels");
-  const { element, read } = panelPart(panels, panels.length ? (state.campaign.panel_id ?? "") : NEW);
-  const action = async () => patch(state.path, { panel_id: await read() });
-  if (await ask({ title: "Panel of this campaign", body: element, submit: "Save", action })) await state.touch();
-}
-
-/** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
-export function panelPart(panels, standing = "") {
-  const known = panels.map((each) => [each.id, `${each.serial}, ${each.bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
-  const chosen = select([["", "As named in the files, or the only one"], ...known, [NEW, "Register another…"]], {}, standing);
-  const serial = decimal({ inputmode: "text" });
-  const measured = h("input", { type: "date" });
-  const bands = h("textarea", { rows: "5", spellcheck: "false" });
-  const fresh = h("fieldset", {},
-    h("legend", {}, "New panel"),
-    h("div", { class: "fields" }, field("Serial number", serial, null, about("NewPanel", "serial")), field("Measured on", measured, null, about("NewPanel", "measured_on"))),
-    field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known).", about("NewPanel", "bands")),
-  );
-  const show = () => {
-    fresh.hidden = chosen.value !== NEW;
-    serial.required = measured.required = bands.required = !fresh.hidden;
-  };
-  chosen.addEventListener("change", show);
-  show();
-  const read = async () => {
-    if (chosen.value !== NEW) return chosen.value || undefined;
-    const body = { serial: serial.value.trim(), measured_on: measured.value, bands: readBands(bands.value) };
-    return (await post("/v1/panels", body)).id;
-  };
-  return { element: h("div", {}, field("Panel", chosen, null, about("NewCampaign", "panel_id")), fresh), read };
+  const name = (panel_id) => patch(state.path, { panel_id });
+  if (panels.length) await ask({ title: "Panel of this campaign", body: panelField(panels, state.campaign.panel_id), submit: "Save", action: ({ panel_id }) => name(panel_id) });
+  else {
+    const made = await registerPanel();
+    if (made) await name(made.id);
+  }
+  await state.touch();
 }
 
 function readBands(text) {

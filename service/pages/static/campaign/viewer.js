@@ -1,6 +1,6 @@
 // What is seen of one frame: all of it or its pixels, alone or beside another frame at the same place.
 
-import { followJob, pause, post } from "../api.js";
+import { pause, runJob } from "../api.js";
 import { h, svg } from "../dom.js";
 import { counted, exposureTime, number } from "../format.js";
 import { select } from "../ask.js";
@@ -80,21 +80,18 @@ class LargePicture extends PictureView {
   async load(frame, window) {
     this.asked = new AbortController();
     const { signal } = this.asked;
-    this.caption.textContent = "Reading the pixels…";
     try {
       await pause(SETTLE_MS);
       const range = await this.rangeOf(frame);
       if (signal.aborted) return null;
-      const job = await followed(await post(`/v1/frames/${frame.id}/crops`, { ...window, ...range }, { signal }), signal);
-      if (signal.aborted) return null;
-      if (!job.result) throw Object.assign(new Error(job.error.detail), { name: "Refused" });
-      const { picture, low_dn: low, high_dn: high, clipped_px: clipped, row0_px: y, col0_px: x, height_px: height, width_px: width } = job.result;
+      const found = await runJob(`/v1/frames/${frame.id}/crops`, { ...window, ...range }, this.caption, "Reading the pixels", { signal });
+      const { picture, low_dn: low, high_dn: high, clipped_px: clipped, row0_px: y, col0_px: x, height_px: height, width_px: width } = found;
       for (const [name, value] of Object.entries({ href: picture, x, y, width, height })) this.crop.setAttribute(name, value);
       const dn = (value) => number(Math.round(value), 6);
       this.caption.textContent = `Pixels of the sensor, as recorded: column ${x} to ${x + width - 1}, row ${y} to ${y + height - 1}; black is ${dn(low)} DN, white ${dn(high)} DN; ${clipped ? `${counted(clipped, "pixel")} clipped, in red` : "none is clipped"}.`;
       return { low_dn: low, high_dn: high };
     } catch (error) {
-      if (error.name === "AbortError" || signal.aborted) return null;
+      if (signal.aborted) return null;
       this.shown = "";
       this.caption.textContent = `The pixels cannot be shown. ${error.message}`;
       return null;
@@ -106,8 +103,6 @@ class LargePicture extends PictureView {
     return event.key.startsWith("Arrow") && this.isWhole ? false : super.key(event);
   }
 }
-
-const followed = (job, signal) => (job.state === "succeeded" ? job : followJob(job.id, () => {}, { signal }));
 
 const BLINK_MS = 700;
 const MOST_LISTED = 200;

@@ -2,7 +2,7 @@
 
 import { about, field, select } from "../ask.js";
 import { causeList, small } from "../causes.js";
-import { figure, fill, h, mark, openDialog } from "../dom.js";
+import { figure, fill, h, mark, openDialog, table } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
 import { kindOf, labelOf, roleLabel, roleOptions, titleOf } from "../methods.js";
 import { registerCamera } from "../pages/camera-edit.js";
@@ -185,38 +185,37 @@ function move(choice, frames, said) {
 }
 
 function scenes(card, tell) {
-  const { found } = card;
+  const { found, choice } = card;
   const checked = new Set(found.checks.filter((check) => check.mark === "warn").flatMap((check) => check.frames ?? []).map((frame) => frame.key));
-  const heads = ["Picture", "Scene", "Taken", "Frames", "ISO", "Exposure", "Role"];
   return h("section", { class: "tight", "aria-labelledby": "scenes" },
     h("div", { class: "section-head" }, h("h2", { id: "scenes" }, "Scenes"), h("p", {}, "From folders, pauses and exposure. Drag the edge of a bracket to split or join, or give two scenes one name.")),
     timeline(found, { checked, regroup: (frames, scene) => (move(choice, frames, { scene: scene ?? freshName(found) }), tell.changed()) }),
-    h("div", { class: "table scenes", role: "group", tabindex: "0", "aria-label": "Scenes" },
-      h("table", { role: "table", class: "stack" },
-        h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, heads.map((text, at) => h("th", { role: "columnheader", scope: "col", class: text === "Frames" ? "number" : null }, at ? text : h("span", { class: "hidden" }, text))))),
-        h("tbody", { role: "rowgroup" }, found.scenes.map((scene, at) => sceneRow(card, scene, at, checked, tell))),
-      ),
-    ),
+    table(sceneColumns(card, checked, tell), found.scenes, { caption: "Scenes", stack: true, kind: "scenes" }),
   );
 }
 
-function sceneRow({ found, choice }, scene, at, checked, tell) {
-  const { frames } = scene;
-  const here = `${at + 1}`;
-  const cell = (name, ...content) => h("td", { role: "cell", "data-head": name, class: name === "Frames" ? "number" : null }, h("span", { class: "val" }, content));
-  const name = scene.scene === undefined ? (roleLabel(scene.role)) : h("input", { value: scene.scene, "aria-label": `Name of scene ${here}`, "data-keep": `scene ${here}`, onchange: (event) => (move(choice, frames, { scene: event.target.value.trim() || scene.scene }), tell.changed()) });
-  const role = select(roleOptions(found.method).filter(([each]) => each === "field" || (!found.campaign.measures && found.method.roles.some((own) => own.name === each))), { "aria-label": `Role of scene ${here}`, "data-keep": `role ${here}`, onchange: (event) => (move(choice, frames, { role: event.target.value }), tell.changed()) }, scene.role);
-  const outs = frames.filter((frame) => choice.leftOut.has(frame.key)).length;
-  const warned = frames.some((frame) => checked.has(frame.key));
-  return h("tr", { role: "row" },
-    h("td", { role: "cell", class: "pic" }, drawPicture(frames.find((frame) => !choice.leftOut.has(frame.key)) ?? frames[0])),
-    cell("Scene", name),
-    cell("Taken", h("span", { class: "num" }, scene.from ? period(scene.from, scene.to) : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")),
-    cell("Frames", h("button", { type: "button", class: "link", "aria-label": `${counted(frames.length, "frame")} of scene ${here}: show`, onclick: () => showFrames(found, scene, choice, tell) }, String(frames.length - outs)), outs ? ` of ${frames.length}` : "", warned ? [" ", mark("warn", "A frame to check")] : null),
-    cell("ISO", h("span", { class: "num small" }, scene.isos.join(", ") || "–")),
-    cell("Exposure", h("span", { class: "num small" }, scene.exposures.length ? between(scene.exposures[0], scene.exposures.at(-1), exposureTime) : "–")),
-    cell("Role", role),
-  );
+function sceneColumns({ found, choice }, checked, tell) {
+  const change = (frames, said) => (move(choice, frames, said), tell.changed());
+  const place = (scene) => found.scenes.indexOf(scene) + 1;
+  const roles = roleOptions(found.method).filter(([each]) => each === "field" || (!found.campaign.measures && found.method.roles.some((own) => own.name === each)));
+  const name = (scene) => h("input", { value: scene.scene, "aria-label": `Name of scene ${place(scene)}`, "data-keep": `scene ${place(scene)}`, onchange: ({ target }) => change(scene.frames, { scene: target.value.trim() || scene.scene }) });
+  const role = (scene) => select(roles, { "aria-label": `Role of scene ${place(scene)}`, "data-keep": `role ${place(scene)}`, onchange: ({ target }) => change(scene.frames, { role: target.value }) }, scene.role);
+  const count = (scene) => {
+    const { frames } = scene;
+    const outs = frames.filter((frame) => choice.leftOut.has(frame.key)).length;
+    const show = h("button", { type: "button", class: "link", "aria-label": `${counted(frames.length, "frame")} of scene ${place(scene)}: show`, onclick: () => showFrames(found, scene, choice, tell) }, String(frames.length - outs));
+    return [show, outs ? ` of ${frames.length}` : "", frames.some((frame) => checked.has(frame.key)) ? [" ", mark("warn", "A frame to check")] : null];
+  };
+  const figureOf = (text) => [h("span", { class: "num small" }, text || "–")];
+  return [
+    { head: h("span", { class: "hidden" }, "Picture"), class: "pic", cell: ({ frames }) => drawPicture(frames.find((frame) => !choice.leftOut.has(frame.key)) ?? frames[0]) },
+    { head: "Scene", cell: (scene) => [scene.scene === undefined ? roleLabel(scene.role) : name(scene)] },
+    { head: "Taken", cell: (scene) => [h("span", { class: "num" }, scene.from ? period(scene.from, scene.to) : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")] },
+    { head: "Frames", class: "number", cell: count },
+    { head: "ISO", cell: (scene) => figureOf(scene.isos.join(", ")) },
+    { head: "Exposure", cell: ({ exposures: times }) => figureOf(times.length && between(times[0], times.at(-1), exposureTime)) },
+    { head: "Role", cell: (scene) => [role(scene)] },
+  ];
 }
 
 function freshName(found) {
@@ -227,19 +226,19 @@ function freshName(found) {
 function showFrames(found, scene, choice, tell) {
   const names = scenesOf(found).map((each) => each.scene);
   const fresh = freshName(found);
-  const body = h("div", { class: "table" });
+  const body = h("div");
   const dialog = h("dialog", { class: "frame-dialog", "aria-label": "Frames of the scene", onclose: tell.changed }, h("div", { class: "section-head" }, h("h2", {}, `${scene.scene ?? roleLabel(scene.role)}: ${counted(scene.frames.length, "frame")}`), h("button", { type: "button", class: "quiet", onclick: () => dialog.close() }, "Close")), body);
   const sceneOf = (frame) => choice.said.get(frame.key)?.scene ?? frame.scene;
-  const draw = () =>
-    fill(body, h("table", {}, h("thead", {}, h("tr", {}, ["Frame", "Taken", "Exposure", "Scene", "Send", ""].map((text) => h("th", { scope: "col" }, text || h("span", { class: "hidden" }, "Split"))))), h("tbody", {}, scene.frames.map((frame, at) =>
-      h("tr", {},
-        h("th", { scope: "row" }, shortName(frame.name)),
-        h("td", { class: "num" }, frame.header.taken ? stamp(frame.header.taken, 0, 19) : "–"),
-        h("td", { class: "num" }, list([exposureTime(frame.header.exposure_time_s), frame.header.f_number && `f/${number(frame.header.f_number, 3)}`, frame.header.iso && `ISO ${frame.header.iso}`])),
-        h("td", {}, scene.scene === undefined ? "–" : select([...new Set([...names, fresh])].map((name) => [name, name]), { "aria-label": `Scene of ${shortName(frame.name)}`, onchange: (event) => move(choice, [frame], { scene: event.target.value }) }, sceneOf(frame))),
-        h("td", {}, h("input", { type: "checkbox", checked: !choice.leftOut.has(frame.key), "aria-label": `Send ${shortName(frame.name)}`, onchange: (event) => (event.target.checked ? choice.leftOut.delete(frame.key) : choice.leftOut.add(frame.key)) })),
-        h("td", {}, scene.scene !== undefined && at > 0 ? small("Split here", () => (move(choice, scene.frames.slice(at), { scene: fresh }), draw()), { quiet: true, "aria-label": `Split here: ${shortName(frame.name)} starts ${fresh}` }) : null),
-      )))));
+  const columns = [
+    { head: "Frame", header: true, cell: (frame) => shortName(frame.name) },
+    { head: "Taken", class: "num", cell: ({ header: { taken } }) => (taken ? stamp(taken, 0, 19) : "–") },
+    { head: "Exposure", class: "num", cell: ({ header }) => list([exposureTime(header.exposure_time_s), header.f_number && `f/${number(header.f_number, 3)}`, header.iso && `ISO ${header.iso}`]) },
+    { head: "Scene", cell: (frame) => (scene.scene === undefined ? "–" : select([...new Set([...names, fresh])].map((name) => [name, name]), { "aria-label": `Scene of ${shortName(frame.name)}`, onchange: (event) => move(choice, [frame], { scene: event.target.value }) }, sceneOf(frame))) },
+    { head: "Send", cell: ({ key, name }) => h("input", { type: "checkbox", checked: !choice.leftOut.has(key), "aria-label": `Send ${shortName(name)}`, onchange: (event) => (event.target.checked ? choice.leftOut.delete(key) : choice.leftOut.add(key)) }) },
+    { head: h("span", { class: "hidden" }, "Split"), cell: (frame) => (scene.scene !== undefined && frame !== scene.frames[0] ? small("Split here", () => split(frame), { quiet: true, "aria-label": `Split here: ${shortName(frame.name)} starts ${fresh}` }) : null) },
+  ];
+  const draw = () => fill(body, table(columns, scene.frames, { caption: "Frames of the scene" }));
+  const split = (frame) => (move(choice, scene.frames.slice(scene.frames.indexOf(frame)), { scene: fresh }), draw());
   draw();
   openDialog(dialog);
 }

@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 import { arrowOf } from "../campaign/picture-view.js";
-import { byId, figure, fill, h, segments, svg } from "../dom.js";
+import { byId, figure, fill, h, segments, svg, table } from "../dom.js";
 import { number, quantity, unit, withUncertainty } from "../format.js";
 import { cellLines } from "./surface.js";
 
@@ -27,13 +27,12 @@ export function drawGrid(found) {
 
 /** A table of cells: `draw(cell)` gives what stands in each; `rows`: a last column [head, value(index)]. */
 export function cellTable(cells, draw, { caption, rows = null }) {
-  return h("div", { class: "table", tabindex: "0", role: "region", "aria-label": caption },
-    h("table", { class: "cells" },
-      h("caption", { class: "hidden" }, caption),
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Row"), cells[0].map((_, index) => h("th", { scope: "col", class: "number" }, String(index + 1))), rows ? h("th", { scope: "col", class: "number" }, rows[0]) : null)),
-      h("tbody", {}, cells.map((line, index) => h("tr", {}, h("th", { scope: "row" }, String(index + 1)), line.map((cell) => h("td", { class: "number" }, draw(cell))), rows ? h("td", { class: "number" }, rows[1](index)) : null))),
-    ),
-  );
+  const columns = [
+    { head: "Row", header: true, cell: (line) => String(cells.indexOf(line) + 1) },
+    ...cells[0].map((_, index) => ({ head: String(index + 1), class: "number", cell: (line) => draw(line[index]) })),
+    ...(rows ? [{ head: rows[0], class: "number", cell: (line) => rows[1](cells.indexOf(line)) }] : []),
+  ];
+  return table(columns, cells, { caption, kind: "cells" });
 }
 
 function swatch([red, green, blue]) {

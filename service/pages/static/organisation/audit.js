@@ -93,8 +93,7 @@ function draw() {
     { head: "Object", cell: subject },
     { head: "Details", cell: details },
   ];
-  const made = table(columns, entries, { caption: "Audit trail", stack: true });
-  made.querySelector("table").classList.add("audit");
+  const made = table(columns, entries, { caption: "Audit trail", stack: true, kind: "audit" });
   let day = "";
   made.querySelectorAll("tbody tr").forEach((row, place) => {
     const today = entries[place].at.slice(0, 10);

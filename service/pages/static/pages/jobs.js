@@ -1,8 +1,7 @@
 import { all, follow, get, getOr, post } from "../api.js";
-import { lettersOn } from "../campaign/grid-tools.js";
 import { nameOf } from "../methods.js";
 import { causeList, jobCause, small } from "../causes.js";
-import { act, byId, done, empty, failed, fill, h, isPressed, mark, may, table, toast, undoLast } from "../dom.js";
+import { act, byId, done, empty, failed, fill, h, isPressed, mark, may, table, toast } from "../dom.js";
 import { ago, bytes, counted, groupBy, number, percent, span, tag, time } from "../format.js";
 
 const SLOW_S = 600;
@@ -173,7 +172,3 @@ function show(id, content) {
   fill(region, content);
   region.removeAttribute("aria-busy");
 }
-
-addEventListener("keydown", (event) => {
-  if (event.key === "z" && lettersOn() && !event.ctrlKey && !event.metaKey && !event.target.closest("input, select, textarea, dialog")) undoLast();
-});
