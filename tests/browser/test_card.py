@@ -130,6 +130,9 @@ def test_the_same_old_card_again_finds_its_campaign(page, team, service, tmp_pat
     other = checks.get_by_role("listitem").filter(has_text="1 frame of another day")
     expect(other).to_contain_text("2026-04-30 20:00")
     expect(page.locator("main")).to_contain_text("2026-05-01 20:00\N{EN DASH}20:05")
+    for key, scenes in (("ArrowLeft", "2 scenes"), ("ArrowRight", "1 scene")):
+        page.get_by_role("button", name="End of Scene 1").press(key)
+        expect(page.get_by_role("heading", level=1)).to_contain_text(scenes)
     other.get_by_role("button", name="Include").click()
     expect(page.locator(".foot-bar")).to_contain_text("7 frames")
     assert "2026-04-30" in " ".join(page.locator(".lanes text").all_text_contents())

@@ -39,7 +39,7 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
 function ofField({ name, label, type = "text", hint, of, help, value, required = true, options, ...more }) {
   const common = { id: `ask-${name}`, name, required, ...more };
   const control = options
-    ? h("select", common, options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)))
+    ? select(options, common, value)
     : type === "textarea"
       ? h("textarea", common, value)
       : h("input", { ...common, type, value });
@@ -84,14 +84,16 @@ function aboutButton(label, text) {
   return button;
 }
 
-export const select = (options, attributes = {}, chosen = undefined) => h("select", attributes, options.map(([value, text]) => h("option", { value, selected: value === chosen }, text)));
+export const optionsOf = (options, chosen) => options.map(([value, text]) => h("option", { value, selected: value === chosen }, text));
+
+export const select = (options, attributes = {}, chosen = undefined) => h("select", attributes, optionsOf(options, chosen));
 
 const ANOTHER = "another";
 
 /** A list of what is registered, after `none` of it; its last choice asks by `register()` for another. */
 export function registry(items, { nameOf, register, none, ...attributes }, chosen = "") {
   const known = [...items];
-  const offer = (id) => list.replaceChildren(...select([["", none], ...inOrder(known, nameOf).map((each) => [each.id, nameOf(each)]), [ANOTHER, "Register another…"]], {}, id).children);
+  const offer = (id) => list.replaceChildren(...optionsOf([["", none], ...inOrder(known, nameOf).map((each) => [each.id, nameOf(each)]), [ANOTHER, "Register another…"]], id));
   const list = h("select", { ...attributes, onchange: async () => {
     if (list.value !== ANOTHER) return;
     const made = await register();

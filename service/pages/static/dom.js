@@ -171,7 +171,7 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false,
         "data-head": column.head || null,
       },
       // in a card, one part beside its head
-      stack && Array.isArray(content) ? h("div", {}, content) : content,
+      stack && Array.isArray(content) && present(content).length ? h("div", {}, content) : content,
     );
   };
   return h("div", { class: `table ${kind}`, tabindex: "0", role: "group", "aria-label": caption ?? "Table" },

@@ -9,50 +9,28 @@ import { plot } from "../plots.js";
 import { fitAnew, offerDecisions } from "./decide.js";
 import { drawBudget, drawHistory, drawMade, drawModels, drawPoints, drawSiblings, reportedModel } from "./record.js";
 
-class Choice extends EventTarget {
-  frames = new Map();
-  calibration = null;
+/** Frames that were selected among the points, id to name, to be left out of another fit. */
+const chosen = new Map();
 
-  offer(calibration) {
-    this.calibration = calibration;
-    this.draw();
-  }
+function choose(frameId, name, isChosen) {
+  if (isChosen) chosen.set(frameId, name);
+  else chosen.delete(frameId);
+  showChosen();
+}
 
-  has(frameId) {
-    return this.frames.has(frameId);
-  }
-
-  set(frameId, name, chosen) {
-    if (chosen === this.has(frameId)) return;
-    if (chosen) this.frames.set(frameId, name);
-    else this.frames.delete(frameId);
-    this.changed();
-  }
-
-  clear() {
-    this.frames.clear();
-    this.changed();
-  }
-
-  changed() {
-    this.draw();
-    this.dispatchEvent(new Event("change"));
-  }
-
-  draw() {
-    const bar = byId("chosen");
-    const count = this.frames.size;
-    bar.hidden = !count || !may("calibrate");
-    if (bar.hidden) return;
-    const names = [...this.frames.values()];
-    fill(bar,
-      h("p", {}, h("strong", {}, `${counted(count, "frame")} selected`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
-      h("span", { class: "actions" },
-        h("button", { type: "button", class: "quiet", onclick: () => this.clear() }, "Clear"),
-        h("button", { type: "button", class: "primary", onclick: () => fitAnew(this.calibration, this.frames) }, "Exclude and refit…"),
-      ),
-    );
-  }
+/** In the table, in every plot and in the bar below. */
+function showChosen() {
+  for (const each of document.querySelectorAll("[data-frame-id]")) each.classList.toggle("chosen", chosen.has(each.dataset.frameId));
+  for (const box of document.querySelectorAll("tr[data-frame-id] input")) box.checked = chosen.has(box.closest("tr").dataset.frameId);
+  const names = [...chosen.values()];
+  byId("chosen").hidden = !names.length;
+  fill(byId("chosen"),
+    h("p", {}, h("strong", {}, `${counted(names.length, "frame")} selected`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${names.length > 3 ? "…" : ""}`)),
+    h("span", { class: "actions" },
+      h("button", { type: "button", class: "quiet", onclick: () => (chosen.clear(), showChosen()) }, "Clear"),
+      h("button", { type: "button", class: "primary", onclick: async () => fitAnew(await calibration, chosen) }, "Exclude and refit…"),
+    ),
+  );
 }
 
 /** Where the version stands, what took its place if anything did, and what it was made from: one line. */
@@ -156,39 +134,36 @@ function flagsOf(row) {
 }
 
 /** Those that are folded once they are opened: only then they have a width. */
-function drawPlots(calibration, choice) {
-  const usable = new Set(calibration.points.filter((point) => point.used).map((point) => point.frame_id));
-  const mark = (name, holds) => {
-    for (const point of document.querySelectorAll(".point[data-frame-id]")) point.classList.toggle(name, holds(point.dataset.frameId));
+function drawPlots({ id, points }) {
+  const usable = new Set(points.filter((point) => point.used).map((point) => point.frame_id));
+  const light = (frameId) => {
+    for (const point of document.querySelectorAll(".point[data-frame-id]")) point.classList.toggle("lit", point.dataset.frameId === frameId);
   };
-  const show = () => mark("chosen", (id) => choice.has(id));
   for (const place of document.querySelectorAll("[data-plot]")) {
     const fold = place.closest("details");
-    const draw = () => plot(place, `/plots/calibrations/${calibration.id}/${place.dataset.plot}`, show);
+    const draw = () => plot(place, `/plots/calibrations/${id}/${place.dataset.plot}`, showChosen);
     if (fold) fold.addEventListener("toggle", draw, { once: true });
     else draw();
-    place.addEventListener("pointerover", ({ target: { dataset } }) => mark("lit", (id) => id === dataset.frameId));
+    place.addEventListener("pointerover", ({ target: { dataset } }) => light(dataset.frameId));
     if (!may("calibrate")) continue;
     place.addEventListener("click", ({ target: { dataset } }) => {
-      if (usable.has(dataset.frameId)) choice.set(dataset.frameId, dataset.frame, !choice.has(dataset.frameId));
+      if (usable.has(dataset.frameId)) choose(dataset.frameId, dataset.frame, !chosen.has(dataset.frameId));
     });
   }
-  choice.addEventListener("change", show);
 }
 
 const main = document.querySelector("main");
 const { calibrationId: id, method } = main.dataset;
-const choice = new Choice();
+const calibration = get(`/v1/calibrations/${id}`);
 
 start();
 
 async function start() {
-  const calibration = get(`/v1/calibrations/${id}`);
   showStatus(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
   load(byId("coefficients"), () => calibration, (found) => (found.diagnostics.iso_fits ? curves(found) : coefficients(found)));
   load(byId("flags"), async () => (await calibration).findings, drawFindings);
-  load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
+  load(byId("points"), () => calibration, (found) => drawPoints(found, { chosen, choose }));
   load(byId("made"), () => calibration, drawMade);
   try {
     const found = await calibration;
@@ -201,8 +176,7 @@ async function start() {
     fill(byId("models"), models);
     byId("budget-section").hidden = !budget;
     fill(byId("budget"), budget);
-    choice.offer(found);
-    drawPlots(found, choice);
+    drawPlots(found);
     if (byId("drawn")) drawOwnPlot();
   } catch (error) {
     // each region tells it

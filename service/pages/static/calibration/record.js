@@ -177,15 +177,12 @@ function panel(rows, fits) {
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
 const U = "standard_uncertainty";
 
+/** `choice`: {chosen, choose(frameId, name, isChosen)}, the frames that are selected. */
 export function drawPoints({ points, parameters, diagnostics }, choice) {
   if (!points.length) return empty("No points", "This version has no points.");
   const residual = points.some((point) => present(point.residual_rel)) ? residualColumn : null;
   const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(diagnostics.iso_fits ? CURVE : ownColumns(points))].filter(Boolean);
-  const draw = (rows) => {
-    const drawn = table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: point.used ? null : "out", "data-frame-id": point.frame_id }) });
-    if (choice) mark(drawn, choice);
-    return drawn;
-  };
+  const draw = (rows) => table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: choice.chosen.has(point.frame_id) ? "chosen" : point.used ? null : "out", "data-frame-id": point.frame_id }) });
   return shorten(inOrder(points, (point) => `${point.scene ?? ""} ${point.frame}`), draw, 12);
 }
 
@@ -241,27 +238,8 @@ function figure(name, value, u) {
   return name === "band" ? words(value) : String(value);
 }
 
-function choosing(choice) {
-  if (!choice || !may("calibrate")) return null;
-  return {
-    head: h("span", { class: "hidden" }, "Select"),
-    class: "pick",
-    cell: (point) =>
-      point.used
-        ? h("input", { type: "checkbox", "aria-label": `Choose ${point.frame}`, checked: choice.has(point.frame_id), onchange: (event) => choice.set(point.frame_id, point.frame, event.target.checked) })
-        : "",
-  };
-}
-
-function mark(drawn, choice) {
-  const show = () => {
-    for (const row of drawn.querySelectorAll("tr[data-frame-id]")) {
-      const chosen = choice.has(row.dataset.frameId);
-      row.classList.toggle("chosen-row", chosen);
-      const box = row.querySelector("input[type=checkbox]");
-      if (box) box.checked = chosen;
-    }
-  };
-  choice.addEventListener("change", show);
-  show();
+function choosing({ chosen, choose }) {
+  if (!may("calibrate")) return null;
+  const box = ({ frame, frame_id: id }) => h("input", { type: "checkbox", "aria-label": `Choose ${frame}`, checked: chosen.has(id), onchange: (event) => choose(id, frame, event.target.checked) });
+  return { head: h("span", { class: "hidden" }, "Select"), class: "pick", cell: (point) => (point.used ? box(point) : "") };
 }

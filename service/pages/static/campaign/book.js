@@ -3,7 +3,7 @@
 import { OFFLINE, Turns, newOnce, post, send } from "../api.js";
 import { act, done, fill, h, remember } from "../dom.js";
 import { counted, groupBy, inOrder } from "../format.js";
-import { about, select } from "../ask.js";
+import { about, optionsOf, select } from "../ask.js";
 import { nameOfMeter } from "./target.js";
 import { UNITS, readReading } from "./sheet.js";
 
@@ -175,7 +175,7 @@ export function readingTools(book, registerMeter, paste) {
     const { length } = book.unnamed;
     naming.hidden = !length;
     naming.textContent = `Name it in ${counted(length, "reading")} without a meter`;
-    fill(meter, [["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]].map(([value, text]) => h("option", { value, selected: value === book.meter_id }, text)));
+    fill(meter, optionsOf([["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]], book.meter_id));
   };
   book.addEventListener("change", draw);
   draw();

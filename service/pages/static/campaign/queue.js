@@ -133,7 +133,7 @@ function open() {
 }
 
 const AT_ONCE = 2;
-/** Small files, on a line that carries each within a second. A browser has six connections: events take one, and the page asks meanwhile. */
+/** Small files, on a line that carries each within a second. A browser has six connections, and the page asks meanwhile. */
 const MOST_AT_ONCE = 4;
 const QUICK_MS = 1000;
 const LONGEST_PAUSE_MS = 30000;

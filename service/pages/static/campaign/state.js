@@ -41,7 +41,7 @@ export class CampaignState extends EventTarget {
     Object.assign(this, { campaign, roi: await this.readRoi(campaign) });
     this.complete = !this.next;
     this.tell("frames");
-    this.following = follow(() => this.look(), { events: { address: `${this.path}/events`, kind: "campaign" } });
+    this.following = follow(() => this.look());
   }
 
   async touch() {

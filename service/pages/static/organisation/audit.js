@@ -113,7 +113,7 @@ function subject(entry) {
 function details(entry) {
   const names = Object.keys({ ...entry.before, ...entry.after }).filter((name) => !UNSAID.has(name) && !("rows" in entry.after)).sort(natural);
   const changed = names.map((name) => [h("dt", {}, words(name)), h("dd", {}, name in entry.before ? [sayValue(entry.before[name]), " → "] : "", sayValue(entry.after[name]))]);
-  return [entry.after.reason ?? "", changed.length ? h("details", {}, h("summary", { class: "small" }, counted(names.length, "field")), h("dl", { class: "facts small" }, changed)) : null];
+  return [entry.after.reason, changed.length ? h("details", {}, h("summary", { class: "small" }, counted(names.length, "field")), h("dl", { class: "facts small" }, changed)) : null];
 }
 
 async function older() {
