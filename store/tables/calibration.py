@@ -6,21 +6,10 @@ from typing import Any
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import (
-    Audited,
-    AuditedTogether,
-    Base,
-    Dated,
-    Identified,
-    Json,
-    Owned,
-    Sha256,
-    index_some,
-    utc_now,
-)
+from store.tables import base
 
 
-class Calibration(Identified, Audited, Dated, Base, prefix="cal"):
+class Calibration(base.Identified, base.Audited, base.Dated, base.Base, prefix="cal"):
     """One version, complete and immutable (triggers hold it). Its state follows from publications."""
 
     __tablename__ = "calibration"
@@ -36,19 +25,19 @@ class Calibration(Identified, Audited, Dated, Base, prefix="cal"):
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
     method: Mapped[str] = mapped_column(String)
     version: Mapped[int]
-    configuration: Mapped[Json]
-    parameters: Mapped[Json]
-    inputs: Mapped[Json]
-    result: Mapped[Json]
+    configuration: Mapped[base.Json]
+    parameters: Mapped[base.Json]
+    inputs: Mapped[base.Json]
+    result: Mapped[base.Json]
     result_schema: Mapped[int]
-    software: Mapped[Json] = mapped_column(
+    software: Mapped[base.Json] = mapped_column(
         doc="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
     )
-    content_sha256: Mapped[Sha256]  # over inputs, parameters, code: the same content, the same version
+    content_sha256: Mapped[base.Sha256]  # over inputs, parameters, code: the same content, the same version
     created_by: Mapped[str]
 
 
-class CoefficientRow(AuditedTogether, Base):
+class CoefficientRow(base.AuditedTogether, base.Base):
     __tablename__ = "coefficient"
     __table_args__ = (CheckConstraint("standard_uncertainty >= 0", "uncertainty_not_negative"),)
 
@@ -66,7 +55,7 @@ class CoefficientRow(AuditedTogether, Base):
     flags: Mapped[list[str]]
 
 
-class Slot(Base):
+class Slot(base.Base):
     """A camera's method in one configuration, which at most one published version may hold at any time."""
 
     __tablename__ = "slot"
@@ -78,7 +67,7 @@ class Slot(Base):
     configuration: Mapped[str]
 
 
-class Publication(Identified, Audited, Base, prefix="pub"):
+class Publication(base.Identified, base.Audited, base.Base, prefix="pub"):
     """A version in force in [valid_from, valid_to), as known in [known_from, known_to): bitemporal.
 
     A row is only ever closed; the database holds that no two of a slot overlap in both times.
@@ -90,7 +79,7 @@ class Publication(Identified, Audited, Base, prefix="pub"):
         CheckConstraint("known_to IS NULL OR known_from <= known_to", "knowledge_ordered"),
         Index("ix_publication_slot_id", "slot_id"),
         Index("ix_publication_calibration_id", "calibration_id"),
-        index_some(
+        base.index_some(
             "ix_publication_in_force",
             "calibration_id",
             where=text("known_to IS NULL AND superseded_by IS NULL"),
@@ -107,16 +96,16 @@ class Publication(Identified, Audited, Base, prefix="pub"):
     superseded_by: Mapped[str | None] = mapped_column(ForeignKey("calibration.id"))  # by whom it was closed
 
 
-class Revocation(Audited, Base):
+class Revocation(base.Audited, base.Base):
     __tablename__ = "revocation"
 
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     reason: Mapped[str]
     revoked_by: Mapped[str]
-    revoked_at: Mapped[datetime] = mapped_column(default=utc_now)
+    revoked_at: Mapped[datetime] = mapped_column(default=base.utc_now)
 
 
-class IssuedCertificate(Audited, Base):
+class IssuedCertificate(base.Audited, base.Base):
     """A certificate as it was issued when a version was published (triggers hold it)."""
 
     __tablename__ = "issued_certificate"
@@ -131,8 +120,8 @@ class IssuedCertificate(Audited, Base):
     publication_id: Mapped[str] = mapped_column(ForeignKey("publication.id"))
     json_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
     pdf_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
-    fitted_by: Mapped[Json | None]  # name and role; None of a key without a person
-    approved_by: Mapped[Json | None]  # likewise; nobody has signed a certificate without
+    fitted_by: Mapped[base.Json | None]  # name and role; None of a key without a person
+    approved_by: Mapped[base.Json | None]  # likewise; nobody has signed a certificate without
     at_upgrade: Mapped[bool] = mapped_column(
         doc="Whether the version was published before certificates were kept: "
         "its certificate was issued later."
@@ -140,7 +129,7 @@ class IssuedCertificate(Audited, Base):
     issued_at: Mapped[datetime]
 
 
-class Measurement(Identified, Audited, Dated, Owned, Base, prefix="msr"):
+class Measurement(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="msr"):
     """One measurement, complete and immutable (triggers hold it)."""
 
     __tablename__ = "measurement"
@@ -156,23 +145,23 @@ class Measurement(Identified, Audited, Dated, Owned, Base, prefix="msr"):
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
     method: Mapped[str]
-    parameters: Mapped[Json]  # what was asked for: region, grid, reflectance, products
-    result: Mapped[Json]
+    parameters: Mapped[base.Json]  # what was asked for: region, grid, reflectance, products
+    result: Mapped[base.Json]
     result_schema: Mapped[int]
-    software: Mapped[Json]
-    content_sha256: Mapped[Sha256]  # over frame, version, parameters, code: the same, the same row
+    software: Mapped[base.Json]
+    content_sha256: Mapped[base.Sha256]  # over frame, version, parameters, code: the same, the same row
     map_tif_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_by: Mapped[str]
 
 
-class ReadyRow(Base):
+class ReadyRow(base.Base):
     """A publication with what a look-up and a series ask it for, one row for each."""
 
     __tablename__ = "ready"
     __table_args__ = (
         Index("ix_ready_slot_id_valid_from", "slot_id", "valid_from"),
-        index_some("ix_ready_slot_id_now", "slot_id", "valid_from", where=text("known_to IS NULL")),
+        base.index_some("ix_ready_slot_id_now", "slot_id", "valid_from", where=text("known_to IS NULL")),
         Index("ix_ready_series", "organisation_id", "camera_id", "valid_from", "method", "publication_id"),
     )
 
@@ -192,7 +181,7 @@ class ReadyRow(Base):
     coefficients: Mapped[int]  # how many coefficients the version has
 
 
-class ReadyAnswer(Base):
+class ReadyAnswer(base.Base):
     __tablename__ = "ready_answer"
 
     publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
@@ -202,7 +191,7 @@ class ReadyAnswer(Base):
     items: Mapped[bytes]
 
 
-class ReadyCells(Base):
+class ReadyCells(base.Base):
     """The coefficients of a publication as rows of a series: CSV records, a line each, in their order."""
 
     __tablename__ = "ready_cells"
@@ -211,7 +200,7 @@ class ReadyCells(Base):
     cells: Mapped[str]
 
 
-class MeasuredRow(Base):
+class MeasuredRow(base.Base):
     __tablename__ = "measured"
     __table_args__ = (
         Index("ix_measured_organisation_id", "organisation_id", "taken_from", "measurement_id"),
@@ -231,7 +220,7 @@ class MeasuredRow(Base):
     cells: Mapped[str]
 
 
-class Road(Identified, Audited, Dated, Owned, Base, prefix="roa"):
+class Road(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="roa"):
     """One road on one night: its site, frames, control points, conditions and requirement."""
 
     __tablename__ = "road"
@@ -239,9 +228,9 @@ class Road(Identified, Audited, Dated, Owned, Base, prefix="roa"):
     __table_args__ = (Index("ix_road_organisation_id_id", "organisation_id", "id"),)
 
     name: Mapped[str]
-    site: Mapped[Json]
-    requirement: Mapped[Json]
-    conditions: Mapped[Json]
+    site: Mapped[base.Json]
+    requirement: Mapped[base.Json]
+    conditions: Mapped[base.Json]
     frames: Mapped[list[Any]]
     """A frame's id and its marks, each a place in the image and on the road."""
     points: Mapped[list[Any]] = mapped_column(default=list)
@@ -252,7 +241,7 @@ class Road(Identified, Audited, Dated, Owned, Base, prefix="roa"):
     created_by: Mapped[str]
 
 
-class RoadResult(Identified, Audited, Dated, Owned, Base, prefix="rrs"):
+class RoadResult(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="rrs"):
     """One evaluation of a road, complete and immutable (triggers hold it)."""
 
     __tablename__ = "road_result"
@@ -261,11 +250,11 @@ class RoadResult(Identified, Audited, Dated, Owned, Base, prefix="rrs"):
 
     road_id: Mapped[str] = mapped_column(ForeignKey("road.id"))
     number: Mapped[int]
-    inputs: Mapped[Json]
+    inputs: Mapped[base.Json]
     """All that was stated of the road, and what was read in its frames."""
-    result: Mapped[Json]
+    result: Mapped[base.Json]
     result_schema: Mapped[int]
-    software: Mapped[Json]
-    content_sha256: Mapped[Sha256]
+    software: Mapped[base.Json]
+    content_sha256: Mapped[base.Sha256]
     map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_by: Mapped[str]

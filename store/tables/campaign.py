@@ -8,29 +8,16 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.specification.roles import ROLES
 from store.blobs.proof import Damage
-from store.tables.base import (
-    Audited,
-    AuditedTogether,
-    Base,
-    BigInt,
-    Dated,
-    Identified,
-    Json,
-    Owned,
-    Sha256,
-    index_some,
-    one_of,
-    utc_now,
-)
+from store.tables import base
 
 CampaignKind = Literal["calibration", "measurement"]
 FrameState = Literal["received", "read", "extracted", "refused"]
 
 
-class Campaign(Identified, Audited, Dated, Base, prefix="cmp"):
+class Campaign(base.Identified, base.Audited, base.Dated, base.Base, prefix="cmp"):
     __tablename__ = "campaign"
     __table_args__ = (
-        one_of("kind", CampaignKind),
+        base.one_of("kind", CampaignKind),
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
     )
 
@@ -46,7 +33,7 @@ class Campaign(Identified, Audited, Dated, Base, prefix="cmp"):
     started_at: Mapped[datetime | None]
     ended_at: Mapped[datetime | None]
     time_zone: Mapped[str | None]  # of the camera's clock, for files without; None: the organisation's
-    lens: Mapped[Json | None]  # make, model and serial number; None for the one registered with the camera
+    lens: Mapped[base.Json | None]  # make, model and serial number; None: that registered with the camera
     comments: Mapped[str | None]
     surface_reflectance: Mapped[float | None]  # of the taped rectangle: illuminance then checks luminance
     lamp: Mapped[str | None]  # spectrum of the calibration's lamp: a name of the library, or a table
@@ -62,7 +49,7 @@ class Campaign(Identified, Audited, Dated, Base, prefix="cmp"):
     )
     panel_id: Mapped[str | None] = mapped_column(ForeignKey("panel.id"))
     """Of a reflectance campaign; None leaves the choice to what the files and the records say."""
-    target: Mapped[Json | None]  # what is photographed, where a method must know it: a board, an edge
+    target: Mapped[base.Json | None]  # what is photographed, where a method must know it: a board, an edge
     archived_at: Mapped[datetime | None]
 
     @property
@@ -70,18 +57,18 @@ class Campaign(Identified, Audited, Dated, Base, prefix="cmp"):
         return self.kind == "measurement"
 
 
-class Roi(Identified, Audited, Dated, Owned, Base, prefix="roi"):
+class Roi(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="roi"):
     """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
 
     __tablename__ = "roi"
     __table_args__ = (UniqueConstraint("organisation_id", "sha256"),)
 
-    sha256: Mapped[Sha256]
+    sha256: Mapped[base.Sha256]
     points: Mapped[list[Any]]  # corners; of several parts together those of the rectangle around them
     parts: Mapped[list[Any] | None]  # name and points of each, if several
 
 
-class Reading(Identified, Audited, Dated, Base, prefix="rdg"):
+class Reading(base.Identified, base.Audited, base.Dated, base.Base, prefix="rdg"):
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
@@ -100,7 +87,7 @@ class Reading(Identified, Audited, Dated, Base, prefix="rdg"):
     withdrawn_at: Mapped[datetime | None]  # mistyped: withdrawn, not deleted
 
 
-class Blob(Dated, Base):
+class Blob(base.Dated, base.Base):
     """Bytes that the blob store keeps under their hash."""
 
     __tablename__ = "blob"
@@ -108,32 +95,34 @@ class Blob(Dated, Base):
         CheckConstraint("size_bytes >= 0", "size_not_negative"),
         CheckConstraint("damage IN ('damaged', 'missing')", "damage_known"),
         Index("ix_blob_proven_at", "proven_at"),
-        index_some("ix_blob_damage", "damage", where=text("damage IS NOT NULL")),
+        base.index_some("ix_blob_damage", "damage", where=text("damage IS NOT NULL")),
     )
 
-    sha256: Mapped[Sha256] = mapped_column(primary_key=True)
-    size_bytes: Mapped[BigInt]
+    sha256: Mapped[base.Sha256] = mapped_column(primary_key=True)
+    size_bytes: Mapped[base.BigInt]
     digests: Mapped[bytes | None] = mapped_column(deferred=True)  # one per MiB; None until it was proven once
-    proven_at: Mapped[datetime] = mapped_column(default=utc_now)  # all of it hashed to its name
+    proven_at: Mapped[datetime] = mapped_column(default=base.utc_now)  # all of it hashed to its name
     damage: Mapped[Damage | None] = mapped_column(String, default=None)
     """Since it was found other than it was stored; the same upload ends that."""
 
 
-class FrameRow(Identified, Audited, Dated, Base, prefix="frm"):
+class FrameRow(base.Identified, base.Audited, base.Dated, base.Base, prefix="frm"):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
-        one_of("role", Literal[tuple(role.name for role in ROLES)]),
-        one_of("state", FrameState),
+        base.one_of("role", Literal[tuple(role.name for role in ROLES)]),
+        base.one_of("state", FrameState),
         CheckConstraint("(state = 'refused') = (refusal_code IS NOT NULL)", "refused_says_why"),
         CheckConstraint("exposure_time_s > 0 AND f_number > 0 AND iso > 0", "exposure_positive"),
         Index("ix_frame_sha256", "sha256"),
         Index("ix_frame_campaign_id_id", "campaign_id", "id"),
         Index("ix_frame_counted", "campaign_id", "state", "withdrawn_at"),
-        index_some("ix_frame_not_extracted", "state", "refusal_code", where=text("state <> 'extracted'")),
+        base.index_some(
+            "ix_frame_not_extracted", "state", "refusal_code", where=text("state <> 'extracted'")
+        ),
     )
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
@@ -142,12 +131,12 @@ class FrameRow(Identified, Audited, Dated, Base, prefix="frm"):
     role: Mapped[str]
     scene: Mapped[str | None]
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))  # its own, where the camera has moved
-    found: Mapped[Json | None]  # automatically: ``roi_id`` of a panel, and its ``serial`` as its code says
-    supplied: Mapped[Json] = mapped_column(default=dict)  # exposure typed in, where the file states none
+    found: Mapped[base.Json | None]  # by itself: ``roi_id`` of a panel, and its ``serial`` as its code says
+    supplied: Mapped[base.Json] = mapped_column(default=dict)  # exposure typed in, where the file states none
     state: Mapped[str] = mapped_column(default="received")
-    header: Mapped[Json | None]
-    proof: Mapped[Json | None]  # of its pixels; None: nobody has read them all
-    exposure: Mapped[Json | None]  # the three values in use, and their origins
+    header: Mapped[base.Json | None]
+    proof: Mapped[base.Json | None]  # of its pixels; None: nobody has read them all
+    exposure: Mapped[base.Json | None]  # the three values in use, and their origins
     exposure_time_s: Mapped[float | None]
     f_number: Mapped[float | None]
     iso: Mapped[float | None]
@@ -155,7 +144,7 @@ class FrameRow(Identified, Audited, Dated, Base, prefix="frm"):
     refusal_code: Mapped[str | None]
     refusal_detail: Mapped[str | None]
     preview_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
-    left_out: Mapped[Json | None]  # ``reason`` and ``by``: of no fit any more
+    left_out: Mapped[base.Json | None]  # ``reason`` and ``by``: of no fit any more
     withdrawn_at: Mapped[datetime | None]  # it no longer belongs to its campaign; it can be restored
 
     @property
@@ -164,7 +153,7 @@ class FrameRow(Identified, Audited, Dated, Base, prefix="frm"):
         return (self.header["width_px"], self.header["height_px"]) if self.header else None
 
 
-class Extraction(Identified, Audited, Dated, Base, prefix="ext"):
+class Extraction(base.Identified, base.Audited, base.Dated, base.Base, prefix="ext"):
     """The statistics of one frame in one region by one version of the code: made once, never changed."""
 
     __tablename__ = "extraction"
@@ -174,10 +163,10 @@ class Extraction(Identified, Audited, Dated, Base, prefix="ext"):
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     roi_id: Mapped[str] = mapped_column(ForeignKey("roi.id"))
     extractor: Mapped[str]
-    features: Mapped[Json | None]  # the method's own, beside the statistics
+    features: Mapped[base.Json | None]  # the method's own, beside the statistics
 
 
-class ChannelRow(AuditedTogether, Base):
+class ChannelRow(base.AuditedTogether, base.Base):
     __tablename__ = "channel_statistics"
     __table_args__ = (
         CheckConstraint("n > 0", "n_positive"),
@@ -199,7 +188,7 @@ class ChannelRow(AuditedTogether, Base):
     white_level_dn: Mapped[float]
 
 
-class Crop(Identified, Dated, Owned, Base, prefix="crp"):
+class Crop(base.Identified, base.Dated, base.Owned, base.Base, prefix="crp"):
     """A picture that can be drawn again from its frame; derived, so never audited."""
 
     __tablename__ = "crop"
@@ -214,28 +203,34 @@ class Crop(Identified, Dated, Owned, Base, prefix="crp"):
     png: Mapped[bytes]
 
 
-class CampaignReview(Base):
+class CampaignReview(base.Base):
     """List of what a campaign still lacks, and the revision of the campaign that it was computed from."""
 
     __tablename__ = "campaign_review"
     __table_args__ = (
-        index_some("ix_campaign_review_stale", "not_before", where=text("kept_revision < revision")),
+        base.index_some("ix_campaign_review_stale", "not_before", where=text("kept_revision < revision")),
     )
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
-    revision: Mapped[BigInt] = mapped_column(default=0)  # rises with what it depends on (store/revisions.py)
-    whole_revision: Mapped[BigInt] = mapped_column(default=0)  # last that may have changed any of its frames
-    kept_revision: Mapped[BigInt] = mapped_column(default=-1)  # from which rest and verdicts were computed
+    revision: Mapped[base.BigInt] = mapped_column(
+        default=0
+    )  # rises with what it depends on (store/revisions.py)
+    whole_revision: Mapped[base.BigInt] = mapped_column(
+        default=0
+    )  # last that may have changed any of its frames
+    kept_revision: Mapped[base.BigInt] = mapped_column(
+        default=-1
+    )  # from which rest and verdicts were computed
     kept_by: Mapped[str | None]  # hash of the code that computed them: another code computes them again
     not_before: Mapped[datetime | None]  # one computes them, or has just done so and it took long
     missing: Mapped[list[Any] | None]
     advice: Mapped[list[Any] | None]
     gaps: Mapped[list[Any] | None]
     findings: Mapped[list[Any] | None]
-    checklist: Mapped[Json | None]  # what the record says of each item, and since when each part is so
+    checklist: Mapped[base.Json | None]  # what the record says of each item, and since when each part is so
 
 
-class FrameVerdict(Base):
+class FrameVerdict(base.Base):
     """Reasons of the verdict on one frame, from the same revision; a frame that passes has no row."""
 
     __tablename__ = "frame_verdict"
@@ -246,7 +241,7 @@ class FrameVerdict(Base):
     reasons: Mapped[str]  # JSON: code, outcome and detail of each
 
 
-class FrameChange(Base):
+class FrameChange(base.Base):
     """Revision of the campaign at which a frame, its statistics or the verdict on it last changed."""
 
     __tablename__ = "frame_change"
@@ -255,29 +250,29 @@ class FrameChange(Base):
     # no foreign keys, as for its verdict
     frame_id: Mapped[str] = mapped_column(primary_key=True)
     campaign_id: Mapped[str]
-    revision: Mapped[BigInt]
+    revision: Mapped[base.BigInt]
 
 
-class SmallPreview(Base):
+class SmallPreview(base.Base):
     """A frame's preview at the size of a grid's cell."""
 
     __tablename__ = "small_preview"
 
     # no foreign key: it is kept before the frame that shows it, and holds nothing that its preview does not
-    preview_sha256: Mapped[Sha256] = mapped_column(primary_key=True)
+    preview_sha256: Mapped[base.Sha256] = mapped_column(primary_key=True)
     webp: Mapped[bytes]
 
 
-class Rendering(Dated, Base):
+class Rendering(base.Dated, base.Base):
     """A certificate, a report or a version's plot as it was rendered: the same content is rendered once."""
 
     __tablename__ = "rendering"
 
-    source_sha256: Mapped[Sha256] = mapped_column(primary_key=True)  # of all that goes in, and how
+    source_sha256: Mapped[base.Sha256] = mapped_column(primary_key=True)  # of all that goes in, and how
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
 
 
-class Manifest(Identified, Audited, Dated, Owned, Base, prefix="man"):
+class Manifest(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="man"):
     """Contents of a card, as the sender lists them; never changed."""
 
     __tablename__ = "manifest"
@@ -288,12 +283,12 @@ class Manifest(Identified, Audited, Dated, Owned, Base, prefix="man"):
     )
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
-    sha256: Mapped[Sha256]  # of both lists in JSON: the same card, the same row
+    sha256: Mapped[base.Sha256]  # of both lists in JSON: the same card, the same row
     files: Mapped[list[Any]]
     others: Mapped[list[Any]]  # files of the card that are not sent
 
 
-class SigningKey(Audited, Dated, Base):
+class SigningKey(base.Audited, base.Dated, base.Base):
     """A public key of this service; none is ever removed, so that old receipts can be verified."""
 
     __tablename__ = "signing_key"
@@ -302,7 +297,7 @@ class SigningKey(Audited, Dated, Base):
     public_key: Mapped[str]  # PEM
 
 
-class ChecklistTick(Audited, Base):
+class ChecklistTick(base.Audited, base.Base):
     """An item of the procedure's checklist that somebody has ticked; unticking empties who and when."""
 
     __tablename__ = "checklist_tick"
@@ -315,7 +310,7 @@ class ChecklistTick(Audited, Base):
     note: Mapped[str | None]
 
 
-class ChecklistSignature(Audited, Base):
+class ChecklistSignature(base.Audited, base.Base):
     """The operator's signature below a campaign's checklist."""
 
     __tablename__ = "checklist_signature"
@@ -323,18 +318,18 @@ class ChecklistSignature(Audited, Base):
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
     name: Mapped[str]
     signed_by: Mapped[str]  # the key that signed
-    signed_at: Mapped[datetime] = mapped_column(default=utc_now)
-    state_sha256: Mapped[Sha256 | None]  # of details, frames, readings and region as they were signed
+    signed_at: Mapped[datetime] = mapped_column(default=base.utc_now)
+    state_sha256: Mapped[base.Sha256 | None]  # of details, frames, readings and region as they were signed
 
 
-class Recall(Identified, Audited, Dated, Base, prefix="prg"):
+class Recall(base.Identified, base.Audited, base.Dated, base.Base, prefix="prg"):
     """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"
     __table_args__ = (CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", "who_and_when"),)
 
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
-    cause: Mapped[Json]
+    cause: Mapped[base.Json]
     reason: Mapped[str]
     calibration_ids: Mapped[list[Any]]  # as reviewed: confirming revokes these, or refuses others found since
     created_by: Mapped[str]
