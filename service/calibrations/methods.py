@@ -341,5 +341,4 @@ def list_findings(request: Request, _caller: auth.Reader) -> Response:
     """
     answer = FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
     tag = hashlib.sha256(answer.model_dump_json().encode()).hexdigest()
-    headers = answers.standing_headers(tag)
-    return answers.not_modified(request, tag, headers) or answer.respond(headers)
+    return answer.respond(answers.standing(request, tag))

@@ -22,7 +22,7 @@ from service.calibrations import history, schemas
 from service.calibrations.methods import FitRequest, NewCalibration, read_request
 from service.documents import issuing, rendered
 from service.http import answers, operations, tables
-from service.http.answers import immutable_headers, not_modified, problems, sends_file, standing_headers
+from service.http.answers import problems, sends_file
 from service.http.auth import Calibrator, Caller, Publisher, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
@@ -30,8 +30,8 @@ from service.http.lookup import Id, Own, owned
 from service.http.models import Answer, Form, PositiveText, Quantity, Text, told
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
-from service.jobs.routes import QUEUES, reply_queued
-from store import codec, fits, jobs, publications
+from service.jobs.routes import QUEUES, enqueue, reply_queued
+from store import codec, fits, publications
 from store.measuring.version import choose_falloff
 from store.queries import calibrations, campaigns, usage
 from store.queries.evidence import Evidence, gather
@@ -68,15 +68,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
             passing = bool(outdated or campaigns.count_being_read(session, campaign))
             raise Problem(interface.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
-        job = jobs.enqueue(
-            session,
-            kind="fit",
-            subject_id=campaign.id,
-            organisation_id=campaign.organisation_id,
-            by=caller.key_id,
-            parameters=codec.encode(params),
-        )
-        return reply_queued(session, job)
+        return reply_queued(session, enqueue(session, caller, "fit", campaign.id, codec.encode(params)))
 
     try:
         return writing.run(caller, change)
@@ -125,10 +117,8 @@ def get_points_csv(calibration: Own[Calibration], request: Request) -> Response:
 
     Of what is a list, such as the spots of a flat frame, stands its length, in a column `<name>_count`.
     """
-    tag = f"{calibration.content_sha256}-points"
-    return not_modified(request, tag) or Response(
-        tables.write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
-    )
+    headers = answers.immutable(request, f"{calibration.content_sha256}-points")
+    return Response(tables.write_csv(calibration.result["points"]), headers=headers, media_type="text/csv")
 
 
 @router.get("/calibrations/{calibration_id}/plot.svg", **sends_file("image/svg+xml"))
@@ -160,8 +150,9 @@ async def get_plot_svg(
     method, source, flight, kept = await run_in_threadpool(find)
     svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
     tag = hashlib.sha256(svg).hexdigest()
-    headers = standing_headers(tag) if methods.get_method(method).of_one_flight else immutable_headers(tag)
-    return not_modified(request, tag, headers) or Response(svg, headers=headers, media_type="image/svg+xml")
+    is_standing = methods.get_method(method).of_one_flight
+    headers = answers.standing(request, tag) if is_standing else answers.immutable(request, tag)
+    return Response(svg, headers=headers, media_type="image/svg+xml")
 
 
 @router.post(
@@ -297,13 +288,12 @@ def _add(method: str, export: Export) -> None:
             camera = session.get_one(Camera, calibration.camera_id)
         _require(calibration, camera, method, export)
         tag = f"{calibration.content_sha256}-{export.filename}-{request.url.query}"
-        if (unchanged := answers.not_modified(request, tag)) is not None:
-            return unchanged
+        headers = answers.immutable(request, tag)
         of_camera = {each.name: getattr(camera, each.name) for each in fields(ExportSubject)[1:]}
         subject = ExportSubject(calibration_id=calibration.id, **of_camera)
         written = export.write(fits.read_result(calibration), subject, query.model_dump())
         content = _write_tiff(written) if isinstance(written, Picture) else written
-        return Response(content, headers=answers.immutable_headers(tag), media_type=export.media_type)
+        return Response(content, headers=headers, media_type=export.media_type)
 
     answer = _ANSWERS.get(export.operation)
     form = create_model(

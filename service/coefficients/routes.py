@@ -60,8 +60,10 @@ def answer_held(request: Request, wanted: Wanted, held: Sequence[lookups.Held]) 
     if not body:
         return None
     tag = _hash(tuple(each.etag for each in held), tuple(chosen.items()))
-    headers = answers.standing_headers(tag)
-    return answers.not_modified(request, tag, headers) or Response(body, 200, headers, "application/json")
+    try:
+        return Response(body, 200, answers.standing(request, tag), "application/json")
+    except answers.Unchanged as unchanged:  # counted as any other
+        return unchanged.respond()
 
 
 @lru_cache(maxsize=4096)

@@ -310,9 +310,7 @@ def answer_series(
             lookup.owned(session, Camera, query.camera_id, caller)
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
         tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + ("-gzip" if packs else "")
-        headers = answers.standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
-        if (unchanged := answers.not_modified(request, tag, headers)) is not None:
-            return unchanged
+        headers = answers.standing(request, tag, Vary="Accept, Accept-Encoding, Authorization")
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None
     if until is not None:

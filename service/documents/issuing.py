@@ -339,7 +339,5 @@ def _name_pdf(number: str) -> dict[str, str]:
 def _answer(
     request: Request, content: bytes, media_type: str, headers: dict[str, str] | None = None
 ) -> Response:
-    tag = hashlib.sha256(content).hexdigest()
-    return answers.not_modified(request, tag, answers.standing_headers(tag)) or Response(
-        content, headers={**answers.standing_headers(tag), **(headers or {})}, media_type=media_type
-    )
+    standing = answers.standing(request, hashlib.sha256(content).hexdigest())
+    return Response(content, headers=standing | (headers or {}), media_type=media_type)

@@ -178,9 +178,7 @@ def get_frame_thumbnail(frame: Own[FrameRow], request: Request, context: UsesCon
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
     tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{WIDEST_PX}"
-    headers = answers.standing_headers(tag)
-    if (unchanged := answers.not_modified(request, tag, headers)) is not None:
-        return unchanged
+    headers = answers.standing(request, tag)
     _, pieces = context.files.open(preview_sha256)
     png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi)
     return Response(png, headers=headers, media_type="image/png")
@@ -238,9 +236,7 @@ def draw_crop(frame: Own[FrameRow], body: NewCrop, caller: Reader, session: Sess
 @router.get("/crops/{crop_id}.png", **answers.sends_file("image/png"))
 def get_crop(crop: Own[Crop], request: Request) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
-    return answers.not_modified(request, crop.id) or Response(
-        crop.png, headers=answers.immutable_headers(crop.id), media_type="image/png"
-    )
+    return Response(crop.png, headers=answers.immutable(request, crop.id), media_type="image/png")
 
 
 log = logging.getLogger(__name__)
@@ -295,9 +291,7 @@ def list_thumbnails(
         rois = queries.by_id(session, Roi, {region for region in regions.values() if region})
     tags = {each: tag_of(frame.preview_sha256, regions[each]) or "" for each, frame in frames.items()}
     tag = hashlib.sha256(repr(sorted(tags.items())).encode()).hexdigest()
-    headers = answers.immutable_headers(tag) if tags == named else answers.standing_headers(tag)
-    if (unchanged := answers.not_modified(request, tag, headers)) is not None:
-        return unchanged
+    headers = answers.immutable(request, tag) if tags == named else answers.standing(request, tag)
     small = _find_small(context, {frame.preview_sha256 or "" for frame in frames.values()})
     items = []
     for frame_id in (each for each in named if each in frames):

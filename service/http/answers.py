@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-from fastapi import Request, Response
+from fastapi import FastAPI, Request, Response
 from fastapi.responses import StreamingResponse
 
 from radiometry.findings import interface
@@ -85,23 +85,48 @@ def sends_stored_file(media_type: str) -> dict[str, Any]:
 _RANGE: Final = re.compile(r"bytes=([0-9]{0,18})-([0-9]{0,18})")
 
 
-def immutable_headers(tag: str) -> dict[str, str]:
-    return {"ETag": f'"{tag}"', "Cache-Control": "private, max-age=31536000, immutable"}
+class Unchanged(Exception):  # noqa: N818  it is what the client is told
+    """The client has what it asks for: a 304 with these headers takes the place of the answer."""
+
+    def __init__(self, headers: dict[str, str]) -> None:
+        super().__init__()
+        self._headers = headers
+
+    def respond(self) -> Response:
+        return Response(status_code=304, headers=self._headers)
 
 
-def standing_headers(tag: str) -> dict[str, str]:
-    """Kept, and asked for again each time: 304 while nothing was decided since."""
-    return {"ETag": f'"{tag}"', "Cache-Control": "private, no-cache"}
+def install(app: FastAPI) -> None:
+    @app.exception_handler(Unchanged)
+    async def answer(_: Request, unchanged: Unchanged) -> Response:
+        return unchanged.respond()
+
+
+def immutable(request: Request, tag: str) -> dict[str, str]:
+    """Return the headers of what never changes, unless the client has it."""
+    return unless_kept(request, tag, {"Cache-Control": "private, max-age=31536000, immutable"})
+
+
+def standing(request: Request, tag: str, **more: str) -> dict[str, str]:
+    """Return those of what is asked for again each time, unless nothing was decided since."""
+    return unless_kept(request, tag, {"Cache-Control": "private, no-cache", **more})
+
+
+def unless_kept(request: Request, tag: str, headers: dict[str, str]) -> dict[str, str]:
+    headers = {"ETag": f'"{tag}"', **headers}
+    named = request.headers.get("if-none-match", "")
+    tags = {part.strip().removeprefix("W/") for part in named.split(",")}
+    if headers["ETag"] in tags or named.strip() == "*":
+        raise Unchanged(headers)
+    return headers
 
 
 def send_blob(
     request: Request, files: Files, sha256: str, media_type: str, headers: dict[str, str]
 ) -> Response:
     """Send the bytes under a hash, or a range of them, each MiB after its proof; damage breaks it off."""
-    if (unchanged := not_modified(request, sha256)) is not None:
-        return unchanged
+    headers = {**immutable(request, sha256), "Accept-Ranges": "bytes", **headers}
     size_bytes, pieces = files.open(sha256)
-    headers = {**immutable_headers(sha256), "Accept-Ranges": "bytes", **headers}
     if (wanted := _read_range(request, sha256, size_bytes)) is None:
         headers["Content-Length"] = str(size_bytes)
         return StreamingResponse(pieces, headers=headers, media_type=media_type)
@@ -139,12 +164,3 @@ def _cut(pieces: Iterator[bytes], wanted: range) -> Iterator[bytes]:
         at += len(piece)
         if at >= wanted.stop:
             return
-
-
-def not_modified(request: Request, tag: str, headers: dict[str, str] | None = None) -> Response | None:
-    """304 when the client names this tag; ``headers`` where it is not for ever."""
-    named = request.headers.get("if-none-match", "")
-    tags = {part.strip().removeprefix("W/") for part in named.split(",")}
-    if f'"{tag}"' in tags or named.strip() == "*":
-        return Response(status_code=304, headers=headers or immutable_headers(tag))
-    return None

@@ -20,7 +20,7 @@ from service.documents import issuing, report, road
 from service.equipment import routes as equipment
 from service.frames import pictures
 from service.frames import routes as frames
-from service.http import document, middleware, problems
+from service.http import answers, document, middleware, problems
 from service.http.context import Context
 from service.http.problems import Problem
 from service.jobs import routes as jobs
@@ -89,6 +89,7 @@ def build_app(context: Context) -> FastAPI:
     app.state.assets = rendering.Assets()
     app.state.templates = rendering.build_environment(app.state.assets)
     problems.install(app)
+    answers.install(app)
     _install_database_problem(app)
     rendering.install(app)
     app.state.addresses = middleware.Addresses(app)

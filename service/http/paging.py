@@ -76,14 +76,20 @@ class Paging(Record):
         newest_first: bool = False,
         apart: Collection[str] = (),
     ) -> JSONResponse:
-        """The organisation's rows that have the values asked for; `rows` see to the fields named `apart`."""
-        table = rows.column_descriptions[0]["entity"]
-        own = rows.where(table.organisation_id == caller.organisation_id)
-        for name in vars(self).keys() - _FIELDS_OF_PAGES - set(apart):
-            column, asked = getattr(table, name), getattr(self, name)
-            if asked is not None:
-                own = own.where(column == asked)
+        fields = vars(self).keys() - _FIELDS_OF_PAGES - set(apart)
+        own = self.choose(caller, rows, **{name: getattr(self, name) for name in fields})
         return self.send(session, own, lambda found: [*map(shape, found)], newest_first=newest_first)
+
+    @staticmethod
+    def choose(caller: auth.Caller, rows: Select[Any], **wanted: object) -> Select[Any]:
+        """The organisation's rows that have these values, as far as they are asked for."""
+        table = rows.column_descriptions[0]["entity"]
+        rows = rows.where(table.organisation_id == caller.organisation_id)
+        for name, value in wanted.items():
+            column = getattr(table, name)
+            if value is not None:
+                rows = rows.where(column == value)
+        return rows
 
     def send(
         self,

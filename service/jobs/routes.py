@@ -99,6 +99,8 @@ class QueueAnswer(models.Answer):
 
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
+_SUBJECTS: Final = (tables.FrameRow, tables.Campaign, tables.Calibration, tables.Measurement, tables.Road)
+
 _WAIT = re.compile(r"\bwait\s*=\s*\"?(\d{1,4})\b", re.IGNORECASE)
 _LONGEST_WAIT_S = 60
 _LOGGED = 64  # of many jobs the log of a request names the first
@@ -107,6 +109,18 @@ _SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "meas
 
 QUEUES: Final[dict[str, Any]] = {"status_code": 202, "response_model": JobAnswer}
 """How a route is stated that queues a job."""
+
+
+def enqueue(
+    session: Session,
+    caller: auth.Caller,
+    kind: tables.JobKind,
+    subject_id: str,
+    parameters: dict[str, Any],
+    lane: str | None = None,
+) -> tables.Job:
+    owner: dict[str, Any] = {"organisation_id": caller.organisation_id, "by": caller.key_id}
+    return jobs.enqueue(session, kind=kind, subject_id=subject_id, parameters=parameters, lane=lane, **owner)
 
 
 def reply_queued(session: Session, job: tables.Job, frame: tables.FrameRow | None = None) -> changes.Reply:
@@ -119,15 +133,7 @@ def queue(
     session: Session, caller: auth.Caller, frame: tables.FrameRow, parameters: dict[str, Any]
 ) -> changes.Reply:
     """Queue a picture or a preview of a frame, which somebody waits for."""
-    job = jobs.enqueue(
-        session,
-        kind="extract",
-        subject_id=frame.id,
-        organisation_id=caller.organisation_id,
-        by=caller.key_id,
-        parameters=parameters,
-        lane=jobs.PREVIEW_LANE,
-    )
+    job = enqueue(session, caller, "extract", frame.id, parameters, jobs.PREVIEW_LANE)
     return reply_queued(session, job, frame)
 
 
@@ -145,24 +151,15 @@ def list_jobs(
     ] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
-    rows = select(tables.Job).where(tables.Job.organisation_id == caller.organisation_id)
-    if state is not None:
-        rows = rows.where(tables.Job.state == state)
-    if kind is not None:
-        rows = rows.where(tables.Job.kind == kind)
+    rows = paging.choose(caller, select(tables.Job), state=state, kind=kind)
     if dismissed is not None:
         rows = rows.where(tables.Job.dismissed_at.is_not(None) == dismissed)
     if subject is not None:
-        row = lookup.find_owned(
-            session,
-            (tables.FrameRow, tables.Campaign, tables.Calibration, tables.Measurement, tables.Road),
-            subject,
-            caller,
-        )
-        mine = tables.Job.subject_id == subject
-        rows = rows.where(
-            queries.select_makers(row) if isinstance(row, tables.Calibration | tables.Measurement) else mine
-        )
+        row = lookup.find_owned(session, _SUBJECTS, subject, caller)
+        concerned = tables.Job.subject_id == subject
+        if isinstance(row, tables.Calibration | tables.Measurement):
+            concerned = queries.select_makers(row)
+        rows = rows.where(concerned)
     return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 

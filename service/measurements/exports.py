@@ -300,9 +300,7 @@ def get_measurement_map_values(
     With `layer` their relative expanded uncertainty in place of the values.
     """
     with maps.open_map(context, measurement) as found:
-        tag = found.tag(asked.tag)
-        if (unchanged := answers.not_modified(request, tag)) is not None:
-            return unchanged
+        headers = answers.immutable(request, found.tag(asked.tag))
         layout = found.layout
         window = _cut(layout, asked)
         values = maps.read_values(found.path, layout, window, step=asked.step)
@@ -319,7 +317,7 @@ def get_measurement_map_values(
             uncertainty=maps.uncertainty_of(found.row.result) if is_value else None,
             notes=found.list_notes(),
         )
-    return answer.respond(answers.immutable_headers(tag))
+    return answer.respond(headers)
 
 
 @router.get(
@@ -334,8 +332,7 @@ def get_measurement_stac(measurement: Own[Measurement], request: Request, contex
     sha256 = maps.require_map(measurement.map_tif_sha256)
     base = connections.absolute(request, "")
     tag = hashlib.sha256(f"{sha256}-{measurement.id}-{base}".encode()).hexdigest()
-    if (unchanged := answers.not_modified(request, tag)) is not None:
-        return unchanged
+    headers = answers.immutable(request, tag)
     with context.files.local(sha256) as file:
         prove_file(file)
         found = describe_map(file.path)
@@ -343,7 +340,7 @@ def get_measurement_stac(measurement: Own[Measurement], request: Request, contex
         frame = session.get_one(FrameRow, measurement.frame_id)
         calibration = session.get_one(Calibration, measurement.calibration_id)
         item = make_item(measurement, frame, calibration, found, base=base)
-    return GeoJson(item, headers=answers.immutable_headers(tag))
+    return GeoJson(item, headers=headers)
 
 
 def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:

@@ -10,8 +10,7 @@ from pydantic import AfterValidator
 
 from radiometry import maps as science
 from radiometry.findings import interface
-from service.http import lookup, models, operations
-from service.http.answers import immutable_headers, not_modified, sends
+from service.http import answers, lookup, models, operations
 from service.http.context import UsesContext
 from service.http.problems import Problem, wrong
 from service.measurements import maps
@@ -232,7 +231,7 @@ def _place(found: maps.OpenMap, line: Array, coordinates: Coordinates) -> Array 
 router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 
-@router.get("/isolines.geojson", response_class=GeoJson, **sends(IsolinesAnswer, 404, 500))
+@router.get("/isolines.geojson", response_class=GeoJson, **answers.sends(IsolinesAnswer, 404, 500))
 def get_measurement_isolines(
     measurement: lookup.Own[Measurement],
     request: Request,
@@ -244,6 +243,5 @@ def get_measurement_isolines(
     Rings around a single square are left out and counted. No line crosses a square with a saturated pixel.
     """
     with maps.open_map(context, measurement) as found:
-        tag = found.tag(f"{request.url.path}?{request.url.query}")
-        unchanged = not_modified(request, tag)
-        return unchanged or GeoJson(answer_isolines(found, asked).dump(), headers=immutable_headers(tag))
+        headers = answers.immutable(request, found.tag(f"{request.url.path}?{request.url.query}"))
+        return GeoJson(answer_isolines(found, asked).dump(), headers=headers)

@@ -17,9 +17,9 @@ from service.http import answers, auth, changes, lookup, models, operations
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
-from service.jobs.routes import JobAnswer, reply_queued
+from service.jobs.routes import JobAnswer, enqueue, reply_queued
 from service.measurements import maps, requests, schemas
-from store import database, jobs
+from store import database
 from store.measuring import comparison, plan
 from store.queries import by_id, calibrations
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
@@ -159,14 +159,11 @@ def list_measurements(
     calibration_id: OfCalibration = None,
 ) -> Response:
     """The measurements of your organisation, newest first."""
-    rows = select(Measurement).where(Measurement.organisation_id == caller.organisation_id)
+    named = {"campaign_id": campaign_id, "calibration_id": calibration_id}
+    rows = paging.choose(caller, select(Measurement), **named)
     if camera_id is not None:
         of_camera = select(Calibration.id).where(Calibration.camera_id == camera_id)
         rows = rows.where(Measurement.calibration_id.in_(of_camera))
-    if campaign_id is not None:
-        rows = rows.where(Measurement.campaign_id == campaign_id)
-    if calibration_id is not None:
-        rows = rows.where(Measurement.calibration_id == calibration_id)
     return paging.send(session, rows, lambda found: answer_measurements(session, found), newest_first=True)
 
 
@@ -176,10 +173,7 @@ def get_measurement(measurement: lookup.Own[Measurement], request: Request, sess
     answer = answer_measurements(session, [measurement])[0]
     # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
     state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
-    tag = f"{measurement.content_sha256}-{state}"
-    response = answers.not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
-    response.headers["Cache-Control"] = "private, no-cache"
-    return response
+    return answer.respond(answers.standing(request, f"{measurement.content_sha256}-{state}"))
 
 
 @router.get("/measurements/{measurement_id}/record.json", **answers.sends(MeasurementRecord))
@@ -190,10 +184,7 @@ def get_measurement_record(
 
     It never changes. `stilb export --measurement` downloads it with the frames and the map.
     """
-    if (
-        unchanged := answers.not_modified(request, tag := f"{measurement.content_sha256}-record")
-    ) is not None:
-        return unchanged
+    headers = answers.immutable(request, f"{measurement.content_sha256}-record")
     calibration = session.get_one(Calibration, measurement.calibration_id)
     more = [*measurement.parameters.get("repeats", []), *plan.list_others(measurement.parameters)]
     ids = [measurement.frame_id, *(named["frame_id"] for named in more)]
@@ -203,7 +194,7 @@ def get_measurement_record(
         frames=[MeasuredFrame.restate(session.get_one(FrameRow, frame_id)) for frame_id in ids],
         calibration=MeasuredWith.restate(calibration),
         map_sha256=measurement.map_tif_sha256,
-    ).respond(answers.immutable_headers(tag))
+    ).respond(headers)
 
 
 @router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
@@ -245,15 +236,8 @@ def _enqueue(
     lane: str,
 ) -> Job:
     subject = plan.find_subject(session, frame, asked, captures)
-    return jobs.enqueue(
-        session,
-        kind="measure",
-        subject_id=subject.id,
-        organisation_id=caller.organisation_id,
-        by=caller.key_id,
-        parameters=plan.plan_measurement(session, subject, asked, named, captures),
-        lane=lane,
-    )
+    planned = plan.plan_measurement(session, subject, asked, named, captures)
+    return enqueue(session, caller, "measure", subject.id, planned, lane)
 
 
 def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:

@@ -107,9 +107,8 @@ def get_asset(request: Request, release: str, name: str) -> Response:
     assets: Assets = request.app.state.assets
     if (content := assets.find(release, name)) is None:
         raise Problem(interface.NOT_FOUND, "There is no such file here. Reload the page that asks for it.")
-    headers = {"ETag": f'"{release}-{name}"', "Cache-Control": _PUBLIC, "Vary": "Accept-Encoding"}
-    if (unchanged := answers.not_modified(request, f"{release}-{name}", headers)) is not None:
-        return unchanged
+    headers = {"Cache-Control": _PUBLIC, "Vary": "Accept-Encoding"}
+    headers = answers.unless_kept(request, f"{release}-{name}", headers)
     suffix = posixpath.splitext(name)[1]
     media_type = _TEXT.get(suffix) or mimetypes.guess_type(name)[0]
     return Response(content, headers=headers, media_type=media_type)

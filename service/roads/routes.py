@@ -18,11 +18,10 @@ from service.http import answers, auth, changes, lookup, models, operations, tab
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, located, wrong
-from service.jobs.routes import QUEUES, reply_queued
+from service.jobs.routes import QUEUES, enqueue, reply_queued
 from service.measurements.exports import GeoJson
 from service.roads import schemas, words
 from service.tools.routes import stateless
-from store import jobs
 from store.codec import decode, drop_absent, encode
 from store.measuring.roads import plan_evaluation, plan_placement, read_placement
 from store.publications import list_issued
@@ -205,25 +204,17 @@ def evaluate_road(road: lookup.Own[Road], caller: auth.Uploader, session: Sessio
     """
     if not road.frames:
         raise wrong("road", "has no frames: state them with their marks first")
-    job = jobs.enqueue(
-        session,
-        kind="measure",
-        subject_id=road.id,
-        organisation_id=caller.organisation_id,
-        by=caller.key_id,
-        parameters=plan_evaluation(session, road, _state_road(session, road)),
-        lane="measure",
-    )
-    return reply_queued(session, job)
+    plan = plan_evaluation(session, road, _state_road(session, road))
+    return reply_queued(session, enqueue(session, caller, "measure", road.id, plan))
 
 
 @router.get("/{road_id}/results/{number}", **answers.sends(schemas.RoadResultAnswer))
 def get_road_result(row: UsesResult, request: Request, context: UsesContext) -> Response:
     """One evaluation: figures with their intervals, verdicts, points, control points and flags."""
-    answer = answer_result(context, row)
+    answer: models.Answer = answer_result(context, row)
     # the state and the certificate of a version may have changed since
-    headers = answers.standing_headers(hashlib.sha256(answer.model_dump_json().encode()).hexdigest())
-    return answers.not_modified(request, headers["ETag"].strip('"'), headers) or answer.respond(headers)
+    tag = hashlib.sha256(answer.model_dump_json().encode()).hexdigest()
+    return answer.respond(answers.standing(request, tag))
 
 
 @router.get("/{road_id}/results/{number}/points.csv", **answers.sends_file("text/csv"))

@@ -8,7 +8,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.testclient import TestClient
 
-from service.http.answers import immutable_headers, not_modified
+from service.http import answers
 from service.http.middleware import Compression
 
 GZIP = {"Accept-Encoding": "gzip"}
@@ -27,12 +27,11 @@ LEFT = ["text/event-stream", "image/png", "image/svg+xml", "application/pdf", "a
 def client():
     app = FastAPI()
     app.add_middleware(Compression)
+    answers.install(app)
 
     @app.get("/whole")
     def send_whole(request: Request, kind: str, count: int = len(LONG)) -> Response:
-        return not_modified(request, "tag") or Response(
-            LONG[:count], headers=immutable_headers("tag"), media_type=kind
-        )
+        return Response(LONG[:count], headers=answers.immutable(request, "tag"), media_type=kind)
 
     @app.get("/stream")
     def stream(kind: str) -> Response:
