@@ -18,7 +18,7 @@ from tests.support.compose import ROOT
 from tests.support.deployments import short_folder, spawn
 from tests.support.house import furnished
 from tests.support.printed import read_blocks, type_in
-from tests.support.processes import children, command
+from tests.support.processes import children, command, family
 from tests.support.waiting import wait_for
 from worker import consumer
 
@@ -65,10 +65,14 @@ class Worker:
         _, zygotes = self.pool()
         for pid in zygotes:
             os.kill(pid, signal.SIGSTOP)
+        # the next frame's cell may have been born already
+        stopped = set().union(*map(family, zygotes))
+        for pid in stopped.difference(zygotes):
+            os.kill(pid, signal.SIGSTOP)
         try:
             yield
         finally:
-            for pid in zygotes:
+            for pid in stopped:
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGCONT)
 
