@@ -26,8 +26,8 @@ _CERTIFICATE = {
     "coverage_factor": "Coverage factor",
 }
 _BOARD = {
-    "columns": "Inner corners across",
-    "rows": "Inner corners down",
+    "columns": "Columns",
+    "rows": "Rows",
     "square_size_mm": "Side of a square",
 }
 _CHARTS = {"slanted_edge": "Slanted edges", "siemens_star": "Siemens stars"}

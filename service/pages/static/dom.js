@@ -242,6 +242,8 @@ export async function load(region, loader, draw) {
   const isLast = begin(region);
   try {
     const value = await loader();
+    // what is pressed is replaced when that ends
+    while (isPressed(region)) await new Promise(requestAnimationFrame);
     if (!isLast()) return false;
     fill(region, draw(value));
     return true;
@@ -251,13 +253,6 @@ export async function load(region, loader, draw) {
   } finally {
     if (isLast()) region.removeAttribute("aria-busy");
   }
-}
-
-export function loading(lines = 3) {
-  return h("div", { class: "loading", role: "status" },
-    h("span", { class: "hidden" }, "Loading"),
-    Array.from({ length: lines }, () => h("span", { class: "bone", "aria-hidden": "true" })),
-  );
 }
 
 export function empty(title, text, ...actions) {

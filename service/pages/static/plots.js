@@ -1,7 +1,8 @@
 // Charts: the service's SVG, with a card for each point, series that can be hidden, and a zoom.
 
 import { send } from "./api.js";
-import { act, begin, failed, fill, h, svg, toast } from "./dom.js";
+import { select } from "./ask.js";
+import { act, begin, failed, fill, h, segments, svg, toast } from "./dom.js";
 
 const FINER = 2;
 
@@ -89,9 +90,9 @@ function redraw(element, width, again) {
 
 function choose(parts, chosen = 0, show) {
   if (parts.length < 2) return null;
-  const button = (part, place) => h("button", { type: "button", "aria-pressed": String(place === chosen), onclick: () => show(place) }, part);
-  if (parts.length > 6) return h("select", { "aria-label": "Part", title: "Which of the plots is shown", onchange: ({ target }) => show(target.selectedIndex) }, parts.map((part, place) => h("option", { selected: place === chosen }, part)));
-  return h("div", { class: "segments", role: "group", "aria-label": "Part" }, parts.map(button));
+  const options = parts.map((part, place) => [place, part]);
+  if (parts.length > 6) return select(options, { "aria-label": "Part", title: "Which of the plots is shown", onchange: ({ target }) => show(target.selectedIndex) }, chosen);
+  return segments("Part", options, chosen, show);
 }
 
 function explain(element, chart) {

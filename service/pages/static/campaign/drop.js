@@ -4,16 +4,17 @@ import { OFFLINE, Problem, isRenewed } from "../api.js";
 import { h } from "../dom.js";
 import { inOrder } from "../format.js";
 
-export const choosers = (take, verb) =>
-  [["Files", {}], ["Folder", { webkitdirectory: true }]].map(([what, more]) =>
-    h("input", { type: "file", multiple: true, hidden: true, "aria-label": `${what} to ${verb}`, ...more, onchange: ({ target }) => {
-      take([...target.files].map((file) => ({ file, name: file.webkitRelativePath || file.name })));
-      target.value = "";
-    } }),
-  );
-
-/** The whole window takes a drop; `zone` shows it. */
-export function acceptDrops(zone, take) {
+/** Take what is chosen by the buttons of a `zone`, or dropped anywhere in the window, as [{file, name}]. */
+export function takeFiles(zone, verb, take) {
+  for (const button of zone.querySelectorAll("[data-choose]")) {
+    const folder = button.dataset.choose === "folder";
+    const input = h("input", { type: "file", multiple: true, hidden: true, webkitdirectory: folder, "aria-label": `${folder ? "Folder" : "Files"} to ${verb}`, onchange: () => {
+      take([...input.files].map((file) => ({ file, name: file.webkitRelativePath || file.name })));
+      input.value = "";
+    } });
+    button.addEventListener("click", () => input.click());
+    button.after(input);
+  }
   let inside = 0;
   const over = (by) => zone.classList.toggle("over", (inside = Math.max(0, inside + by)) > 0);
   const holdsFiles = (event) => event.dataTransfer?.types.includes("Files");
@@ -26,6 +27,7 @@ export function acceptDrops(zone, take) {
     over(-inside);
     take(await filesOf(event.dataTransfer));
   });
+  zone.hidden = false;
 }
 
 /** [{file, name}] of a drop; hidden files are left out, as cards carry half copies of frames under such names. */

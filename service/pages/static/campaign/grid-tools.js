@@ -2,7 +2,7 @@
 
 import { all } from "../api.js";
 import { select } from "../ask.js";
-import { OUTCOMES, act, fill, h, lettersOn, mark, may, openDialog, turnLetters } from "../dom.js";
+import { OUTCOMES, act, byId, fill, h, lettersOn, mark, may, openDialog, turnLetters } from "../dom.js";
 import { number } from "../format.js";
 import { roleOptions } from "../methods.js";
 import { readingTools } from "./book.js";
@@ -72,26 +72,10 @@ export function bulkOf({ state, chosen, clear, rest }) {
   return { element: bulk, drawBulk };
 }
 
-const KEYS = [
-  ["Arrows, Page Up, Page Down", "walk the grid"],
-  ["Home, End", "ends of a row; with Ctrl, of the grid"],
-  ["Enter", "open a frame; in a reading: record it and go to the next scene without one"],
-  ["Space, Shift + arrows", "select frames"],
-  ["M", "move to a scene"],
-  ["X", "leave out, or use again"],
-  ["R", "go to the reading of the row"],
-  ["Z", "undo"],
-  ["← →", "in a frame: previous, next"],
-  ["N", "in a frame: next to check"],
-  ["Esc", "close; from a reading back to the grid"],
-];
-
 export function showKeys() {
-  const dialog = h("dialog", { "aria-labelledby": "keys" },
-    h("h2", { id: "keys" }, "Keys"),
-    h("dl", { class: "facts" }, KEYS.map(([key, does]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, does)])),
-    h("label", { class: "check" }, h("input", { type: "checkbox", checked: lettersOn(), onchange: (event) => turnLetters(event.target.checked) }), "Letter keys"),
-    h("p", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close")),
-  );
+  const dialog = byId("keys").content.firstElementChild.cloneNode(true);
+  const box = dialog.querySelector("input");
+  box.checked = lettersOn();
+  box.addEventListener("change", () => turnLetters(box.checked));
   openDialog(dialog);
 }

@@ -2,7 +2,7 @@
 
 import { all, get, getOr, patch, runJob } from "../api.js";
 import { ask } from "../ask.js";
-import { act, byId, empty, failed, fill, h, leave, load, loading, may, table, toast } from "../dom.js";
+import { act, byId, empty, fill, h, leave, load, may, table, toast } from "../dom.js";
 import { ago, counted, groupBy, number, quantity, tag, time } from "../format.js";
 import { measurementTable } from "../measurement/words.js";
 import { coefficientLabel, headlineOf } from "../methods.js";
@@ -14,26 +14,20 @@ import { regionSection } from "./region.js";
 import { targetSection } from "./target.js";
 
 function checklistSection(state) {
-  const element = h("div", {}, loading(3));
+  const element = h("div");
   const opened = new Set();
-  const draw = (list) => {
-    if (state.left) return;
+  const show = (list) => {
+    if (state.left) return null;
     state.checklist = list;
     state.tell("checklist");
     byId("checklist-note").textContent = `${list.done} of ${list.done + list.open} done`;
-    fill(element, body(list, opened, change));
+    return body(list, opened, change);
   };
-  const read = async () => {
-    try {
-      draw(await get(`${state.path}/checklist`));
-    } catch (error) {
-      fill(element, failed(error, read));
-    }
-  };
+  const read = () => load(element, () => get(`${state.path}/checklist`), show);
   /** A list that is signed asks for a new signature; what else is wrong is thrown. */
   async function change(said) {
     try {
-      draw(await patch(`${state.path}/checklist`, said));
+      fill(element, show(await patch(`${state.path}/checklist`, said)));
     } catch (error) {
       if (error.code !== "checklist_signed") throw error;
       signAgain(said);
@@ -44,30 +38,12 @@ function checklistSection(state) {
     body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
     fields: [{ name: "name", label: "Operator", of: "NewSignature" }],
     submit: "Change and sign",
-    action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
+    action: ({ name }) => change({ ...said, signature: { name } }),
   });
 
-  // what the record proves follows the frames, but nobody waits for it while files stream in; a signature is told at once
-  // that it no longer holds
-  let seen = "";
-  let stale = false;
-  let near = false;
-  const refresh = () => {
-    const now = JSON.stringify([state.campaign.frames, state.campaign.readings, state.roi?.id]);
-    // there and back again is a change too: what is shown may be from between
-    stale ||= now !== seen;
-    seen = now;
-    if (stale && (near || state.checklist?.signature) && !element.contains(document.activeElement)) {
-      stale = false;
-      read();
-    }
-  };
-  state.on("campaign", refresh);
-  element.addEventListener("focusout", () => requestAnimationFrame(refresh));
-  new IntersectionObserver((entries) => {
-    near = entries.some((entry) => entry.isIntersecting);
-    if (near) refresh();
-  }, { rootMargin: "600px" }).observe(element);
+  // what the record proves follows the frames
+  state.on("campaign", read);
+  read();
   return element;
 }
 

@@ -5,10 +5,10 @@ import { readCard } from "../card/headers.js";
 import { differs, findAsides, nameOf, placeIn, splitSkipped } from "../card/propose.js";
 import { sayCheck } from "../card/view.js";
 import { causeList, small } from "../causes.js";
-import { act, fill, h, isPressed, load, mark, may, toast } from "../dom.js";
+import { act, byId, fill, h, isPressed, load, mark, may, toast } from "../dom.js";
 import { bytes, counted, groupBy, span } from "../format.js";
 import { roleLabel, titleOf } from "../methods.js";
-import { acceptDrops, choosers, goOn, takeHanded } from "./drop.js";
+import { goOn, takeFiles, takeHanded } from "./drop.js";
 import { OPEN, UploadQueue } from "./queue.js";
 import { mendButtons } from "./moves.js";
 
@@ -54,7 +54,8 @@ export function uploadSection(state) {
     ];
   }
 
-  const zone = dropZone(take);
+  const zone = byId("drop");
+  takeFiles(zone, "send", take);
   const panel = h("div", { class: "upload-panel card", hidden: true });
   let [waiting, isSending] = [false, false];
   const tellSending = async () => {
@@ -92,18 +93,7 @@ export function uploadSection(state) {
     if (queue.items.some((item) => item.armed && OPEN.includes(item.state)) && !queue.journal.kept) event.preventDefault();
   });
   soon();
-  return [zone, trouble, panel];
-}
-
-function dropZone(take) {
-  const [files, folder] = choosers(take, "send");
-  const zone = h("div", { class: "drop" },
-    h("p", {}, h("strong", {}, "Drop the camera’s files or a folder here")),
-    h("p", { class: "muted small" }, "Files are compared by content first; files that the service already has are not sent again. A lost connection or a reload loses nothing."),
-    h("p", { class: "actions" }, h("button", { type: "button", onclick: () => files.click() }, "Choose files"), h("button", { type: "button", class: "quiet", onclick: () => folder.click() }, "Choose a folder"), files, folder),
-  );
-  acceptDrops(zone, take);
-  return zone;
+  return [trouble, panel];
 }
 
 /** What a worker refuses, it refuses after the frame was sent: the rest is stopped then too. */

@@ -1,7 +1,7 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get, newOnce, post } from "../api.js";
-import { acceptDrops, choosers, goOn, takeHanded } from "../campaign/drop.js";
+import { goOn, takeFiles, takeHanded } from "../campaign/drop.js";
 import { askForMeter } from "../campaign/target.js";
 import { readCard } from "../card/headers.js";
 import { propose } from "../card/propose.js";
@@ -13,11 +13,7 @@ import { METHODS, headlines, inForce, isNight, kindOf, labelOf, titleOf } from "
 
 /** `zone` takes the card, `place` shows it, and `rest` of the page gives way to it. */
 function startCard(zone, place, rest) {
-  const [files, folder] = choosers(read, "read");
-  zone.querySelector("[data-choose=folder]").addEventListener("click", () => folder.click());
-  zone.querySelector("[data-choose=files]").addEventListener("click", () => files.click());
-  zone.append(folder, files);
-  acceptDrops(zone, read);
+  takeFiles(zone, "read", read);
   let reading = null;
   const handed = takeHanded();
   if (handed) read(handed);
@@ -148,8 +144,7 @@ load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]
 /** Nothing is there yet: what comes, in place of three empty lists. */
 function firstSteps() {
   for (const id of ["campaigns", "in-force"]) byId(id).closest("section").hidden = true;
-  const steps = [["Drop the card", "Camera, scenes and darks are found for you."], ["Outline and read", "One region, one meter reading per scene."], ["Publish K", "With its uncertainty and a certificate."]];
-  return h("ol", { class: "steps" }, steps.map(([title, text]) => h("li", {}, h("strong", {}, title), h("span", {}, text))));
+  return byId("first-steps").content.cloneNode(true);
 }
 
 const lackOf = ([first, ...more]) => (first ? `${first.title}${more.length ? ` and ${more.length} more` : ""}` : "Nothing");
