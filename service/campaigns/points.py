@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import Depends, Query, Request, Response
@@ -131,26 +131,22 @@ def read_points(data: bytes, told: PointsTable) -> tuple[list[NewPoint], list[st
 
     kind = tables.Kind(numbers=_NUMBERS, most=MOST_POINTS, rows_are="points", usual=usual)
     points = tables.read_sheet(data, NewPoint, kind, name_fields)
-    _refuse_rows(points, told)
+    problems.refuse(_find_wrong(points, told))
+    if told.black_level_dn is not None and told.black_level_dn >= told.white_level_dn:
+        raise problems.wrong("query.black_level_dn", "is not below white_level_dn")
     return points, [name for name in ignored if name]
 
 
-def _refuse_rows(points: list[NewPoint], told: PointsTable) -> None:
-    """Refuse what only the whole table shows: names given twice, and levels above the white level."""
+def _find_wrong(points: list[NewPoint], told: PointsTable) -> Iterator[tuple[str, str]]:
+    """Yield what only the whole table shows: names given twice, and levels above the white level."""
     seen: dict[str, int] = {}
-    errors = []
     for line, point in enumerate(points, start=2):
         first = seen.setdefault(point.filename, line)
         if first != line:
             message = f"names {point.filename!r} as line {first} does; each frame is one row"
-            errors.append({"type": "csv", "loc": (f"line {line}", "filename"), "msg": message})
+            yield f"line {line}.filename", message
         if point.max_dn > told.white_level_dn:
-            message = f"is above white_level_dn {told.white_level_dn:g}"
-            errors.append({"type": "csv", "loc": (f"line {line}", "max_dn"), "msg": message})
-    if errors:
-        raise problems.invalid(errors)
-    if told.black_level_dn is not None and told.black_level_dn >= told.white_level_dn:
-        raise problems.wrong("query.black_level_dn", "is not below white_level_dn")
+            yield f"line {line}.max_dn", f"is above white_level_dn {told.white_level_dn:g}"
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])
@@ -242,14 +238,10 @@ def _refuse(campaign: Campaign, session: Session, hashes: Mapping[str, str]) -> 
     known = select(FrameRow.filename, FrameRow.sha256).where(
         FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None), FrameRow.filename.in_(hashes)
     )
-    errors = [
-        {
-            "type": "csv",
-            "loc": (f"line {list(hashes).index(name) + 2}", "filename"),
-            "msg": f"the campaign has {name} with other values: withdraw that frame first",
-        }
+    lines = {name: line for line, name in enumerate(hashes, start=2)}
+    said = "the campaign has {} with other values: withdraw that frame first"
+    problems.refuse(
+        (f"line {lines[name]}.filename", said.format(name))
         for name, sha256 in session.execute(known)
         if hashes[name] != sha256
-    ]
-    if errors:
-        raise problems.invalid(errors)
+    )

@@ -18,7 +18,7 @@ from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
 from service.http.lookup import Id, Own, owned
 from service.http.models import Answer, Form, LongText, Text, maybe, rfc3339, told
-from service.http.problems import Problem, invalid, located, wrong
+from service.http.problems import Problem, invalid, located, refuse, wrong
 from service.measurements.requests import NewDrawing
 from store import codec, reviews
 from store.queries import campaigns, checklist, organisations
@@ -193,12 +193,8 @@ def _check_stated(method: str, body: schemas.CampaignDetails) -> None:
     spec = methods.get_method(method)
     stated = body.model_dump(include=set(schemas.STATED), exclude_unset=True)
     fields = {each.name: each.field for each in spec.parameters if each.given_by == "campaign"}
-    foreign = [
-        {"type": "parameter", "loc": ("body", name), "msg": f"is not a part of a {method} campaign"}
-        for name in stated.keys() - fields.keys()
-    ]
-    if foreign:
-        raise invalid(foreign)
+    foreign = stated.keys() - fields.keys()
+    refuse((f"body.{name}", f"is not a part of a {method} campaign") for name in foreign)
     if stated:
         codec.decode(spec.params, {fields[name]: value for name, value in stated.items()})
 
@@ -298,25 +294,15 @@ def change_checklist(
         session.flush()
         return Reply(status=200, body=_answer(session, campaign, record))
 
-    _refuse_unknown(body)
+    refuse(
+        (f"body.items.{index}.key", f"{item.key!r} is no item of the checklist; GET this address lists them")
+        for index, item in enumerate(body.items or ())
+        if item.key not in checklist.KEYS
+    )
     with context.database.reading() as reading:
         owned(reading, Campaign, campaign_id, caller)
         record = context.reviews.find(reading, campaign_id).record
     return writing.run(caller, change)
-
-
-def _refuse_unknown(body: ChecklistChange) -> None:
-    unknown = [
-        {
-            "type": "unknown_key",
-            "loc": ("body", "items", index, "key"),
-            "msg": f"{item.key!r} is no item of the checklist; GET this address lists them",
-        }
-        for index, item in enumerate(body.items or [])
-        if item.key not in checklist.KEYS
-    ]
-    if unknown:
-        raise invalid(unknown)
 
 
 def _answer(session: Session, campaign: Campaign, record: checklist.RecordState | None) -> ChecklistAnswer:

@@ -216,7 +216,17 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
 
 
 def wrong(field: str, message: str) -> Problem:
-    return invalid([{"type": "value", "loc": field.split("."), "msg": message}])
+    return invalid([_find(field, message)])
+
+
+def refuse(found: Iterable[tuple[str, str]]) -> None:
+    """Refuse what is wrong, if anything is: each field by its path, with what is wrong with it."""
+    if errors := [_find(field, message) for field, message in found]:
+        raise invalid(errors)
+
+
+def _find(field: str, message: str) -> dict[str, Any]:
+    return {"type": "value", "loc": field.split("."), "msg": message}
 
 
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
