@@ -292,8 +292,7 @@ _KEPT: dict[str, Any] = dict.fromkeys(("missing", "advice", "findings"), tuple[F
 
 def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:
     if (ids := verdicts_of) is None:
-        mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
-        ids = session.scalars(select(FrameRow.id).where(mine)).all()
+        ids = session.scalars(select(FrameRow.id).where(FrameRow.standing(campaign_id))).all()
     columns = [getattr(CampaignReview, name) for name in (*_KEPT, "checklist")]
     fresh = (CampaignReview.kept_revision == CampaignReview.revision, CampaignReview.kept_by == hash_code())
     row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, *fresh)).first()

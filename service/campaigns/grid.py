@@ -15,10 +15,8 @@ from radiometry.frame.verdicts import Verdict
 from radiometry.specification.roles import Gap
 from service.frames import pictures, routes
 from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
-from service.http import answers, auth, connections, models, operations, paging, problems
-from service.http.changes import Reply
+from service.http import answers, auth, changes, connections, lookup, models, operations, paging, problems
 from service.http.context import Context, UsesContext
-from service.http.lookup import Own
 from store.queries import audit, campaigns
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -93,7 +91,7 @@ _MOST_FRAMES = 5000
 
 @router.get("/grid", **answers.sends(CampaignGridAnswer, 404))
 def get_campaign_grid(
-    campaign: Own[Campaign],
+    campaign: lookup.Own[Campaign],
     request: Request,
     context: UsesContext,
     limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
@@ -139,8 +137,8 @@ def get_campaign_grid(
 
 @router.patch("/frames", response_model=FramesChanged, responses=answers.problems(404, 409))
 def change_frames(
-    campaign: Own[Campaign], body: FramesChange, caller: auth.Calibrator, session: Session
-) -> Reply:
+    campaign: lookup.Own[Campaign], body: FramesChange, caller: auth.Calibrator, session: Session
+) -> changes.Reply:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
 
     With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
@@ -155,7 +153,7 @@ def change_frames(
         _require_unchanged(session, frames, body.expected)
     jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
     session.flush()
-    return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
+    return changes.Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
 
 
 def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: ExpectedFrame) -> None:

@@ -235,9 +235,8 @@ def _refuse(campaign: Campaign, session: Session, hashes: Mapping[str, str]) -> 
     spec = get_method(campaign.method)
     if spec.features is not None or spec.reference != "meter":
         raise shared.PIXELS_MISSING.refuse(f"A campaign of {spec.label.lower()} needs pixels, not a table.")
-    known = select(FrameRow.filename, FrameRow.sha256).where(
-        FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None), FrameRow.filename.in_(hashes)
-    )
+    mine = FrameRow.standing(campaign.id) & FrameRow.filename.in_(hashes)
+    known = select(FrameRow.filename, FrameRow.sha256).where(mine)
     lines = {name: line for line, name in enumerate(hashes, start=2)}
     said = "the campaign has {} with other values: withdraw that frame first"
     problems.refuse(

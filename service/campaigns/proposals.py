@@ -266,9 +266,7 @@ def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
             FrameRow.filename.label("name"),
             FrameRow.header["taken_at"].as_string().label("taken_at"),
             *(getattr(FrameRow, name) for name in names),
-        ).where(
-            FrameRow.campaign_id == campaign.id, FrameRow.scene.is_not(None), FrameRow.withdrawn_at.is_(None)
-        )
+        ).where(FrameRow.standing(campaign.id), FrameRow.scene.is_not(None))
     )
     found = []
     for row in rows.mappings():

@@ -113,8 +113,8 @@ def _find_replaced(
         return []
     # two who type in one empty field at once: the second waits here, and finds the first one's reading
     lookup.owned(session, Campaign, campaign.id, caller, for_update=True)
-    mine = select(Reading).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
-    standing = session.scalars(mine.order_by(Reading.id)).all()
+    mine = select(Reading).where(Reading.standing(campaign.id)).order_by(Reading.id)
+    standing = session.scalars(mine).all()
     places = {(each.scene, each.quantity): each for each in standing}
     replaced: list[Reading] = []
     for form in forms:

@@ -308,7 +308,7 @@ def get_campaign_motion(
     looking down. Without vibration.
     """
     pitch_um = _find_pitch(session, campaign, optics)
-    frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+    frames = select(FrameRow).where(FrameRow.standing(campaign.id))
     if optics.role is not None:
         frames = frames.where(FrameRow.role == optics.role)
     found = session.scalars(frames.order_by(FrameRow.id))

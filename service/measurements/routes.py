@@ -241,9 +241,8 @@ def _enqueue(
 
 
 def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
-    rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.role == "field")
-    rows = rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)
-    if not (found := [frame for frame in session.scalars(rows) if not frame.left_out]):
+    rows = select(FrameRow).where(FrameRow.standing(campaign.id), FrameRow.role == "field")
+    if not (found := [each for each in session.scalars(rows.order_by(FrameRow.id)) if not each.left_out]):
         detail = "This campaign has no field frame: upload frames with role=field first."
         raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)
     return found

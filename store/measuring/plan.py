@@ -57,8 +57,8 @@ class Captures:
         if campaign_id not in self._frames:
             rows = self._session.execute(
                 select(_SAID["capture_id"].as_string(), _SAID["band"].as_string(), FrameRow.id)
-                .where(FrameRow.campaign_id == campaign_id, FrameRow.exposure_time_s.is_not(None))
-                .where(FrameRow.state != "refused", FrameRow.withdrawn_at.is_(None))
+                .where(FrameRow.standing(campaign_id), FrameRow.state != "refused")
+                .where(FrameRow.exposure_time_s.is_not(None))
                 .order_by(FrameRow.id.desc())
             )
             self._frames[campaign_id] = {(capture, band): frame_id for capture, band, frame_id in rows}

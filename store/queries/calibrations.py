@@ -200,8 +200,7 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
     if not spec.of_one_flight:
         return []
     measured = select(Measurement.frame_id).where(Measurement.calibration_id == calibration.id)
-    to_measure = FrameRow.role.in_(spec.applied_role_names) & FrameRow.withdrawn_at.is_(None)
-    to_measure &= FrameRow.campaign_id == calibration.campaign_id
+    to_measure = FrameRow.role.in_(spec.applied_role_names) & FrameRow.standing(calibration.campaign_id)
     wanted = or_(FrameRow.id.in_(measured), to_measure) & FrameRow.header.is_not(None)
     stated = session.scalars(select(FrameRow.header["taken_at"].as_string()).where(wanted).distinct())
     times = (datetime.fromisoformat(each) for each in stated if each is not None)
@@ -212,9 +211,9 @@ def suggest_validity(session: Session, calibration: Calibration) -> tuple[dateti
     """Return when a version may be in force: of one flight until its frames' last day ends, in UTC."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     zones = read_zones(session, campaign)
-    read = (FrameRow.campaign_id == campaign.id) & FrameRow.header.is_not(None)
+    read = FrameRow.standing(campaign.id) & FrameRow.header.is_not(None)
     rows = select(FrameRow.header["taken_at"].as_string(), _SYSTEM).where(read)
-    stated = session.execute(rows.where(FrameRow.withdrawn_at.is_(None)).distinct())
+    stated = session.execute(rows.distinct())
     if not (times := [taken for at, system in stated if (taken := find_time(at, zones, system=system))]):
         return campaign.started_at or calibration.created_at, None
     start = _begin_day(min(taken.earliest for taken in times))

@@ -49,11 +49,9 @@ class Counts(Record):
 
 def count(session: Session, campaign: Campaign) -> Counts:
     counted = select(FrameRow.state, func.count()).group_by(FrameRow.state)
-    rows = counted.where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
-    states = {row[0]: row[1] for row in session.execute(rows)}
-    readings = session.scalar(
-        select(func.count()).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
-    )
+    rows = session.execute(counted.where(FrameRow.standing(campaign.id)))
+    states = {row[0]: row[1] for row in rows}
+    readings = session.scalar(select(func.count()).where(Reading.standing(campaign.id)))
     return Counts(
         received=sum(states.values()),
         being_read=count_being_read(session, campaign),
@@ -145,8 +143,7 @@ def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
 
 def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:
     """Jobs that recompute a campaign's frames; ``own_region``: also those with a region of their own."""
-    wanted = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
-    wanted = wanted.where(FrameRow.withdrawn_at.is_(None))
+    wanted = select(FrameRow).where(FrameRow.standing(campaign.id), FrameRow.state != "refused")
     if not own_region:
         wanted = wanted.where(FrameRow.roi_id.is_(None))
     frames = session.scalars(wanted.order_by(FrameRow.id))
@@ -155,8 +152,7 @@ def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_regi
 
 def check_again(session: Session, campaign: Campaign, *, by: str) -> list[Job]:
     """Jobs that hold every frame against the campaign's camera, refused ones too; what was computed stays."""
-    frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
-    found = session.scalars(frames.order_by(FrameRow.id))
+    found = session.scalars(select(FrameRow).where(FrameRow.standing(campaign.id)).order_by(FrameRow.id))
     return [jobs.enqueue_extraction(session, frame, campaign.organisation_id, by=by) for frame in found]
 
 
@@ -293,8 +289,7 @@ def keep_crop(session: Session, crop: Crop) -> None:
 
 def find_known(session: Session, campaign: Campaign, hashes: Sequence[str]) -> dict[str, FrameRow]:
     """The campaign's frames with these bytes, by hash; a withdrawn one is restored when it is sent again."""
-    rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256.in_(set(hashes)))
-    rows = rows.where(FrameRow.withdrawn_at.is_(None))
+    rows = select(FrameRow).where(FrameRow.standing(campaign.id), FrameRow.sha256.in_(set(hashes)))
     return {frame.sha256: frame for frame in session.scalars(rows)}
 
 

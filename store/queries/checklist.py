@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Text, cast, func, select
+from sqlalchemy import Text, cast, func, select
 from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
@@ -106,13 +106,12 @@ def hash_state(session: Session, campaign: Campaign) -> str:
     started, ended = (at.isoformat() if at else None for at in (campaign.started_at, campaign.ended_at))
     # of what is not stated nothing is signed: a hash from before there was such a field stays what it is
     stated = {name: value for name, value in (("ended_at", ended), ("lens", campaign.lens)) if value}
-    frames, readings = FrameRow.campaign_id == campaign.id, _is_valid(campaign)
     parts = (
         select(FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id, cast(FrameRow.left_out, Text))
-        .where(frames, FrameRow.withdrawn_at.is_(None))
+        .where(FrameRow.standing(campaign.id))
         .order_by(FrameRow.sha256),
         select(Reading.scene, Reading.quantity, Reading.value, Reading.meter_id)
-        .where(readings)
+        .where(Reading.standing(campaign.id))
         .order_by(Reading.id),
         select(ChecklistTick.key, ChecklistTick.done_by.is_not(None), ChecklistTick.note)
         .where(ChecklistTick.campaign_id == campaign.id)
@@ -122,10 +121,6 @@ def hash_state(session: Session, campaign: Campaign) -> str:
     rows = [[[None if v == "null" else v for v in row] for row in session.execute(part)] for part in parts]
     signed = json.dumps([details, started, *rows, *([stated] if stated else [])])
     return hashlib.sha256(signed.encode()).hexdigest()
-
-
-def _is_valid(campaign: Campaign) -> ColumnElement[bool]:
-    return (Reading.campaign_id == campaign.id) & Reading.withdrawn_at.is_(None)
 
 
 _SIGNED_DETAILS = (
@@ -240,7 +235,7 @@ def _times(session: Session, campaign: Campaign) -> dict[str, datetime]:
     extractions = Extraction.frame_id.in_(select(FrameRow.id).where(frames))
     newest = {
         "frames": session.scalar(select(func.max(FrameRow.created_at)).where(frames)),
-        "readings": session.scalar(select(func.max(Reading.created_at)).where(_is_valid(campaign))),
+        "readings": session.scalar(select(func.max(Reading.created_at)).where(Reading.standing(campaign.id))),
         "statistics": session.scalar(select(func.max(Extraction.created_at)).where(extractions)),
         "version": version.created_at if version else None,
         **_last_changes(session, campaign),

@@ -130,7 +130,7 @@ def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
 
 def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list[Any]:
     both = select(Reading, Meter).outerjoin(Meter, Meter.id == Reading.meter_id)
-    rows = session.execute(both.where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)))
+    rows = session.execute(both.where(Reading.standing(campaign.id)))
     readings = [
         spec.reading(
             scene=reading.scene,
@@ -150,7 +150,7 @@ def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list
 
 
 def _meters(session: Session, campaign: Campaign) -> list[dict[str, Any]]:
-    used = select(Reading.meter_id).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    used = select(Reading.meter_id).where(Reading.standing(campaign.id))
     rows = session.scalars(select(Meter).where(Meter.id.in_(used)))
     return sorted(map(_describe_meter, rows), key=lambda meter: [meter[name] for name in _ENGRAVED])
 

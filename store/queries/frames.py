@@ -285,7 +285,7 @@ def read_frames(
     rows = read_plainly(
         session,
         select(*(cast(column, Text) for column in _JSON), *_PLAIN)
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+        .where(FrameRow.standing(campaign.id))
         .where(FrameRow.role.in_(roles) if roles else true())
         .order_by(FrameRow.id),
     )

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any, ClassVar, Literal
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
+from sqlalchemy import CheckConstraint, ColumnElement, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.specification.roles import ROLES
@@ -68,7 +68,18 @@ class Roi(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, pref
     parts: Mapped[list[Any] | None]  # name and points of each, if several
 
 
-class Reading(base.Identified, base.Audited, base.Dated, base.Base, prefix="rdg"):
+class Withdrawable:
+    """Rows of a campaign that are withdrawn, never deleted."""
+
+    campaign_id: Mapped[str]
+    withdrawn_at: Mapped[datetime | None]
+
+    @classmethod
+    def standing(cls, campaign_id: str) -> ColumnElement[bool]:
+        return (cls.campaign_id == campaign_id) & cls.withdrawn_at.is_(None)
+
+
+class Reading(Withdrawable, base.Identified, base.Audited, base.Dated, base.Base, prefix="rdg"):
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
@@ -106,7 +117,7 @@ class Blob(base.Dated, base.Base):
     """Since it was found other than it was stored; the same upload ends that."""
 
 
-class FrameRow(base.Identified, base.Audited, base.Dated, base.Base, prefix="frm"):
+class FrameRow(Withdrawable, base.Identified, base.Audited, base.Dated, base.Base, prefix="frm"):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
