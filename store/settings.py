@@ -1,8 +1,7 @@
-"""Settings, which every process reads once, in its main, and secrets that an installation makes itself."""
+"""Settings, which every process reads once, in its main."""
 
 import os
 import re
-import secrets
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -193,23 +192,3 @@ def read_bucket_secrets() -> "S3Config":
         if path := os.environ.get(variable):
             secrets[name] = read_secret(variable, path)
     return secrets
-
-
-def keep_secret(path: Path) -> bytes:
-    """Read 32 random bytes that only this user may read; made at the first call."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(f"{path.name}.{os.getpid()}")
-        fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(fd, "wb") as file:
-            file.write(secrets.token_bytes(32))
-            file.flush()
-            os.fsync(file.fileno())
-        try:
-            # never half a secret; and of two processes that start at once, the first one's is kept by both
-            path.hardlink_to(draft)
-        except FileExistsError:
-            pass
-        finally:
-            draft.unlink()
-    return path.read_bytes()

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy.exc import IntegrityError
 
 from service.launch.folder import Refusal
+from service.launch.key import keep_secret
 from store.database import Database
-from store.settings import Settings, keep_secret
+from store.settings import Settings
 from store.tables import SigningKey
 
 if TYPE_CHECKING:

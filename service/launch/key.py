@@ -1,8 +1,9 @@
-"""The key with every scope that a new installation starts from."""
+"""The key with every scope that a new installation starts from, and other secrets that it makes itself."""
 
 import os
 import secrets
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -20,9 +21,8 @@ def bootstrap_key(data: Path, given: str) -> str:
         return given
     path = data / "key"
     try:
-        if not path.exists():
-            _write_whole(path, f"stilb_{secrets.token_urlsafe(32)}\n")
-        key = path.read_text(encoding="ascii").strip()
+        new = f"{_PREFIX}{secrets.token_urlsafe(32)}\n"
+        key = keep_secret(path, new.encode()).decode("ascii").strip()
     except (OSError, ValueError) as error:
         raise Refusal(f"the key in {path} cannot be kept or read: {error}") from error
     if not key:
@@ -47,16 +47,23 @@ def refuse_weak_key(key: str, place: str) -> None:
     raise Refusal(f"the key in {place} {fault}; {hint}")
 
 
-def _write_whole(path: Path, text: str) -> None:
-    """Never half a key, and never readable for others."""
-    draft = path.with_name("key.draft")
-    draft.unlink(missing_ok=True)
-    fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(fd, "w", encoding="ascii") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
+def keep_secret(path: Path, new: bytes = b"") -> bytes:
+    """Read what only this user may read; the first call makes it, of `new` or of 32 random bytes."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f"{path.name}.{os.getpid()}")
+        try:
+            fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            with os.fdopen(fd, "wb") as file:
+                file.write(new or secrets.token_bytes(32))
+                file.flush()
+                os.fsync(file.fileno())
+            # of two processes that start at once, the first one's is kept by both
+            with suppress(FileExistsError):
+                path.hardlink_to(draft)
+        finally:
+            draft.unlink(missing_ok=True)
+    return path.read_bytes()
 
 
 def main() -> int:
