@@ -152,7 +152,6 @@ def change_frames(
     if body.expected:
         _require_unchanged(session, frames, body.expected)
     jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
-    session.flush()
     return changes.Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
 
 

@@ -72,7 +72,6 @@ def add_campaign_readings(
     rows = campaigns.add_readings(session, campaign, [{"created_at": now} | each for each in columns])
     for reading in replaced:
         reading.withdrawn_at = now
-    session.flush()
     answers = [ReadingAnswer.of(row) for row in rows]
     one = isinstance(body, NewReading)
     return changes.Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
@@ -86,22 +85,16 @@ def list_readings(campaign: lookup.Own[Campaign], paging: UsesPaging, session: S
 
 
 @router.delete("/readings/{reading_id}", response_model=ReadingAnswer)
-def withdraw_reading(
-    reading: lookup.Own[Reading], _caller: auth.Calibrator, session: Session
-) -> changes.Reply:
+def withdraw_reading(reading: lookup.Own[Reading], _caller: auth.Calibrator) -> changes.Reply:
     """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
     reading.withdrawn_at = reading.withdrawn_at or utc_now()
-    session.flush()
     return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
 
 @router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer)
-def restore_reading(
-    reading: lookup.Own[Reading], _caller: auth.Calibrator, session: Session
-) -> changes.Reply:
+def restore_reading(reading: lookup.Own[Reading], _caller: auth.Calibrator) -> changes.Reply:
     """Undo the withdrawal of a reading."""
     reading.withdrawn_at = None
-    session.flush()
     return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
 

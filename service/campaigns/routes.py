@@ -21,7 +21,7 @@ from service.http.models import Answer, Form, LongText, Text, maybe, rfc3339, to
 from service.http.problems import Problem, invalid, located, refuse, wrong
 from service.measurements.requests import NewDrawing
 from store import codec, reviews
-from store.queries import campaigns, checklist, organisations
+from store.queries import add, campaigns, checklist, organisations
 from store.queries.evidence import Offer, find_by_serial, find_offer
 from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi, base
 from store.tables.campaign import CampaignKind
@@ -96,9 +96,7 @@ def create_campaign(body: schemas.NewCampaign, caller: Calibrator, session: Sess
     campaign = Campaign(organisation_id=caller.organisation_id, **values)
     _require_order(campaign)
     _choose_panel(session, campaign, body.panel_serial, offer=None)
-    session.add(campaign)
-    session.flush()
-    return Reply(status=201, body=schemas.CampaignAnswer.restate(campaign))
+    return Reply(status=201, body=schemas.CampaignAnswer.restate(add(session, campaign)))
 
 
 class CampaignListing(paging.Paging):

@@ -67,7 +67,6 @@ def change_camera(
         mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
         campaigns = session.scalars(mine.order_by(Campaign.id)).all()
         jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
-    session.flush()
     return changes.Reply(status=200, body=schemas.CameraAnswer.of(camera), jobs=jobs)
 
 

@@ -26,6 +26,7 @@ from service.http.models import (
 )
 from service.http.paging import Page, UsesPaging
 from store.audit_check import check_chain
+from store.queries import add
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
 from store.queries.usage import MOST_JOBS_WAITING, read_usage
@@ -96,7 +97,6 @@ def change_organisation(body: OrganisationChange, caller: auth.Admin, session: S
         require_free_name(session, body.name, but=organisation.id)
     for name, value in body.model_dump(exclude_unset=True).items():
         setattr(organisation, name, None if value == "" else value)
-    session.flush()
     return changes.Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
 
 
@@ -307,9 +307,7 @@ def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Sess
             interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
     require_free_name(session, body.name)
-    organisation = Organisation(name=body.name)
-    session.add(organisation)
-    session.flush()
+    organisation = add(session, Organisation(name=body.name))
     key = _create(session, organisation.id, NewKey(name="first", scopes=list(auth.SCOPES)))
     return changes.Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
 
@@ -335,9 +333,7 @@ def get_own_key(caller: auth.Anybody, session: Session) -> Response:
 
 
 @keys_router.patch("/keys/{key_id}", response_model=KeyAnswer)
-def change_key(
-    key: lookup.Own[ApiKey], body: KeyChange, _caller: auth.Admin, session: Session
-) -> changes.Reply:
+def change_key(key: lookup.Own[ApiKey], body: KeyChange, _caller: auth.Admin) -> changes.Reply:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
     Whoever publishes with the key signs the certificates that are issued then.
@@ -345,7 +341,6 @@ def change_key(
     for name, value in body.model_dump(exclude_unset=True).items():
         setattr(key, name, value or None)
     _require_both(key.person, key.role)
-    session.flush()
     return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
 
@@ -361,7 +356,6 @@ def revoke_key(key: lookup.Own[ApiKey], _caller: auth.Admin, session: Session) -
         )
     end_sessions(session, key)
     key.revoked_at = key.revoked_at or utc_now()
-    session.flush()
     return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
 
@@ -418,7 +412,6 @@ def end_session(session_id: lookup.Id, caller: auth.Anybody, session: Session) -
     if row.key_id != caller.key_id and not _is_admin(caller):
         raise problems.not_found("session")
     row.ended_at = row.ended_at or utc_now()
-    session.flush()
     return changes.Reply(status=200, body=_answer(session, row, caller))
 
 

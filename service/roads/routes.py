@@ -164,7 +164,6 @@ def put_road_points(
         raise wrong("body", "names a point twice; repeated readings are further values of one point")
     lookup.require_meters(session, [(point.meter_id, point.quantity) for point in body], caller)
     road.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
-    session.flush()
     return changes.Reply(status=200, body=schemas.RoadPoints.model_validate({"items": road.points}))
 
 
