@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.fitting.comparison import Comparison
 from service.calibrations import schemas
+from service.calibrations.schemas import CalibrationAnswer, Gap, ValidityAnswer
 from service.documents.issuing import build_issued, gather
 from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
@@ -68,16 +69,14 @@ class TouchedRoad(RoadResultSummary):
         return cls.restate(row, name=road.name, verdict=row.result["verdict"], link=link)
 
 
-class RevocationAnswer(schemas.CalibrationAnswer):
+class RevocationAnswer(CalibrationAnswer):
     """The version as it stands now, and the measurements and roads that rest on it."""
 
     measurements: list[TouchedMeasurement]
     roads: list[TouchedRoad]
 
     @classmethod
-    def revoked(
-        cls, session: Session, row: Calibration, answer: schemas.CalibrationAnswer
-    ) -> "RevocationAnswer":
+    def revoked(cls, session: Session, row: Calibration, answer: CalibrationAnswer) -> "RevocationAnswer":
         touched = [TouchedMeasurement.of(each) for each in recalls.list_touched(session, row)]
         roads = [TouchedRoad.of(each) for each in recalls.list_roads(session, row)]
         return cls(**dict(answer), measurements=touched, roads=roads)
@@ -119,9 +118,7 @@ class ImpactAnswer(Answer):
     measurements: list[TouchedMeasurement] = told(
         "Made with the version in force; what this one would make of each."
     )
-    warnings: list[schemas.Gap] = told(
-        "What its certificate would lack, published with your key.", default=[]
-    )
+    warnings: list[Gap] = told("What its certificate would lack, published with your key.", default=[])
 
     @classmethod
     def of(cls, row: Calibration, at: Any, said: str, impact: Impact | None) -> "ImpactAnswer":  # noqa: ANN401
@@ -256,7 +253,7 @@ def list_camera_decisions(camera: lookup.Own[Camera], session: Session) -> Respo
     return DecisionsAnswer(items=items).respond()
 
 
-@router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer)
+@router.get("/cameras/{camera_id}/validity", response_model=ValidityAnswer)
 def get_camera_validity(
     camera: lookup.Own[Camera],
     session: Session,
@@ -271,7 +268,7 @@ def get_camera_validity(
     known = known_at or utc_now()
     found = list_lifetimes(session, camera.id, method, known)
     names = name_people(session, camera.organisation_id)
-    return schemas.ValidityAnswer(
+    return ValidityAnswer(
         known_at=known, items=[schemas.LifetimeAnswer.of(row, names) for row in found]
     ).respond()
 

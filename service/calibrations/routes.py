@@ -20,6 +20,7 @@ from radiometry.fitting.evidence import Exclusion
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
 from service.calibrations import history, schemas
 from service.calibrations.methods import FitRequest, NewCalibration, read_request
+from service.calibrations.schemas import CalibrationAnswer
 from service.documents import issuing, rendered
 from service.http import answers, operations, tables
 from service.http.answers import problems, sends_file
@@ -85,14 +86,14 @@ def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequen
         usage.add_jobs(session, len(queued), organisation_id=caller.organisation_id)
 
 
-@router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
+@router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[CalibrationAnswer])
 def list_campaign_calibrations(campaign: Own[Campaign], paging: UsesPaging, session: Session) -> Response:
     """The versions that were fitted from a campaign, newest first."""
     rows = select(Calibration).where(Calibration.campaign_id == campaign.id)
     return _page(session, paging, rows)
 
 
-@router.get("/cameras/{camera_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
+@router.get("/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer])
 def list_camera_calibrations(
     camera: Own[Camera],
     paging: UsesPaging,
@@ -105,7 +106,7 @@ def list_camera_calibrations(
     return _page(session, paging, rows)
 
 
-@router.get("/calibrations/{calibration_id}", response_model=schemas.CalibrationAnswer)
+@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer)
 def get_calibration(calibration: Own[Calibration], session: Session) -> Response:
     """One version, whole: coefficients, points, diagnostics, inputs."""
     return _answer(session, calibration).respond()
@@ -157,7 +158,7 @@ async def get_plot_svg(
 
 @router.post(
     "/calibrations/{calibration_id}/publish",
-    response_model=schemas.CalibrationAnswer,
+    response_model=CalibrationAnswer,
     responses=problems(409),
 )
 async def publish_calibration(
@@ -227,24 +228,21 @@ def _read_params(
 
 
 def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
-    def shape(found: list[Calibration]) -> list[schemas.CalibrationAnswer]:
+    def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
         status, coefficients = (
             calibrations.read_version_statuses(session, ids),
             calibrations.coefficients_of(session, ids),
         )
-        return [
-            schemas.CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False)
-            for row in found
-        ]
+        return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
 
     return paging.send(session, rows, shape, newest_first=True)
 
 
-def _answer(session: Session, calibration: Calibration) -> schemas.CalibrationAnswer:
+def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
     status = calibrations.read_version_statuses(session, [calibration.id])[calibration.id]
     coefficients = calibrations.coefficients_of(session, [calibration.id])[calibration.id]
-    answer = schemas.CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
     answer.certificates = [
         schemas.IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
         for each in publications.list_issued(session, calibration.id)

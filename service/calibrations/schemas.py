@@ -11,6 +11,7 @@ from radiometry.methods import get_method
 from radiometry.specification.certificate import KeyFigure
 from radiometry.specification.method import Scope
 from service.http import models, problems
+from service.http.models import Answer, Instant, maybe, told
 from store.codec import drop_absent
 from store.queries.calibrations import Lifetime, VersionStatus
 from store.queries.organisations import Person
@@ -23,16 +24,14 @@ SCOPE_MEANING = (
 )
 
 
-class PersonAnswer(models.Answer, restates=Person):
+class PersonAnswer(Answer, restates=Person):
     """The person who fitted or approved, as the key states it."""
 
 
 class NewPublication(models.Form):
-    valid_from: models.Instant = models.told("Frames taken from then on are measured with this version.")
-    valid_to: models.Instant | None = models.maybe(
-        "After `valid_from`; without it, until another version replaces it."
-    )
-    reason: models.Reason = models.told("Who reviewed the version, and on what grounds; on the record.")
+    valid_from: Instant = told("Frames taken from then on are measured with this version.")
+    valid_to: Instant | None = maybe("After `valid_from`; without it, until another version replaces it.")
+    reason: models.Reason = told("Who reviewed the version, and on what grounds; on the record.")
 
     @model_validator(mode="after")
     def _in_order(self) -> "NewPublication":
@@ -42,13 +41,11 @@ class NewPublication(models.Form):
 
 
 class NewRevocation(models.Form):
-    reason: models.Reason = models.told(
-        "What is wrong with the version; shown with every measurement made with it."
-    )
+    reason: models.Reason = told("What is wrong with the version; shown with every measurement made with it.")
 
 
 class Coefficient(
-    models.Answer,
+    Answer,
     restates=CoefficientRow,
     fields="name value standard_uncertainty unit iso f_number band channel model flags",
 ):
@@ -56,75 +53,73 @@ class Coefficient(
 
 
 class CoefficientInForce(Coefficient):
-    effective_dof: float | None = models.maybe("Of the standard uncertainty; absent if without limit.")
-    coverage_factor: float | None = models.maybe("For a coverage probability of 95 %.")
-    expanded_uncertainty: float | None = models.maybe("`coverage_factor` u; absent of `relative_only`.")
-    uncertainty_scope: Scope | None = models.maybe(SCOPE_MEANING)
+    effective_dof: float | None = maybe("Of the standard uncertainty; absent if without limit.")
+    coverage_factor: float | None = maybe("For a coverage probability of 95 %.")
+    expanded_uncertainty: float | None = maybe("`coverage_factor` u; absent of `relative_only`.")
+    uncertainty_scope: Scope | None = maybe(SCOPE_MEANING)
     calibration_id: str
     version: int
-    valid_from: models.Instant
-    valid_to: models.Instant | None = None
+    valid_from: Instant
+    valid_to: Instant | None = None
     why: str
 
 
-class CoefficientsAnswer(models.Answer):
+class CoefficientsAnswer(Answer):
     items: list[CoefficientInForce]
 
 
-class Gap(models.Answer):
+class Gap(Answer):
     """An item that ISO/IEC 17025 asks of a certificate and that this one lacks."""
 
     code: str
     message: str
 
 
-class KeyFigureAnswer(models.Answer, restates=KeyFigure):
+class KeyFigureAnswer(Answer, restates=KeyFigure):
     """One of the few figures of a version that a person looks for first."""
 
 
 class IssuedAnswer(
-    models.Answer,
+    Answer,
     restates=IssuedCertificate,
     fields="amendment number issued_at at_upgrade fitted_by approved_by json_sha256 pdf_sha256",
 ):
     """A certificate that was issued with a publication: the original, or an amendment beside it."""
 
     fitted_by: PersonAnswer | None = None
-    approved_by: PersonAnswer | None = models.maybe("Absent: nobody has signed it.")
-    reason: str = models.told("Of the publication.")
+    approved_by: PersonAnswer | None = maybe("Absent: nobody has signed it.")
+    reason: str = told("Of the publication.")
 
 
-class SuggestedValidity(models.Answer):
-    valid_from: models.Instant
-    valid_to: models.Instant | None = models.maybe("Of a method whose coefficients hold for one flight.")
+class SuggestedValidity(Answer):
+    valid_from: Instant
+    valid_to: Instant | None = maybe("Of a method whose coefficients hold for one flight.")
 
 
 class CalibrationAnswer(
-    models.Answer,
+    Answer,
     restates=(Calibration, VersionStatus),
     fields="id camera_id campaign_id version state configuration software content_sha256 "
     "created_at created_by valid_from valid_to superseded_by revoked_reason",
 ):
     method: models.Method
-    uncertainty_scope: Scope | None = models.maybe(SCOPE_MEANING)
+    uncertainty_scope: Scope | None = maybe(SCOPE_MEANING)
     coefficients: list[Coefficient]
-    key_figures: list[KeyFigureAnswer] | None = models.maybe(
+    key_figures: list[KeyFigureAnswer] | None = maybe(
         "What a person looks for first, as the method chooses; not in lists."
     )
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
-    findings: list[models.FindingGroupAnswer] | None = models.maybe(
+    findings: list[models.FindingGroupAnswer] | None = maybe(
         "The flags of `diagnostics`, equal ones as one; not in lists."
     )
     inputs: dict[str, Any] | None = None
-    certificates: list[IssuedAnswer] | None = models.maybe(
-        "As they were issued, the original first; not in lists."
-    )
-    suggested_validity: SuggestedValidity | None = models.maybe(
+    certificates: list[IssuedAnswer] | None = maybe("As they were issued, the original first; not in lists.")
+    suggested_validity: SuggestedValidity | None = maybe(
         "Of a draft: in force from then on, its campaign's frames are measured with it."
     )
-    warnings: list[Gap] | None = models.maybe("When it is published: what its certificate lacks.")
+    warnings: list[Gap] | None = maybe("When it is published: what its certificate lacks.")
 
     @classmethod
     def of(
@@ -149,24 +144,24 @@ class CalibrationAnswer(
         )
 
 
-class Period(models.Answer, restates=Publication, fields="valid_from valid_to"):
+class Period(Answer, restates=Publication, fields="valid_from valid_to"):
     """A time [valid_from, valid_to); open without its end."""
 
 
-class LifetimeAnswer(models.Answer):
+class LifetimeAnswer(Answer):
     """A published version, as known at a time."""
 
     calibration_id: str
     version: int
-    created_at: models.Instant
+    created_at: Instant
     coefficients: list[Coefficient]
     in_force: list[Period]
     revoked_from: list[Period]
-    published_at: list[models.Instant]
+    published_at: list[Instant]
     published_by: str
     published_by_name: str | None = None
     reason: str
-    revoked_at: models.Instant | None = None
+    revoked_at: Instant | None = None
     revoked_by: str | None = None
     revoked_by_name: str | None = None
     revoked_reason: str | None = None
@@ -188,10 +183,10 @@ class LifetimeAnswer(models.Answer):
         )
 
 
-class ValidityAnswer(models.Answer):
+class ValidityAnswer(Answer):
     """Every version of a method that had been published by `known_at`, newest first."""
 
-    known_at: models.Instant
+    known_at: Instant
     items: list[LifetimeAnswer]
 
 
@@ -226,36 +221,36 @@ class LensNamed(models.Form):
 class NewFleetVerdict(models.Form):
     method: models.Method
     camera_ids: Annotated[models.CameraIds, Field(max_length=MOST_CAMERAS)]
-    tolerance: Tolerance = models.told(
+    tolerance: Tolerance = told(
         "The largest accepted deviation from the shared value: one number in the method's "
         "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
     )
     lenses: Annotated[list[LensNamed] | None, Field(max_length=1000)] = None
 
 
-class FlagRaised(models.Answer, restates=Raised):
+class FlagRaised(Answer, restates=Raised):
     pass
 
 
-class VersionLeftOut(models.Answer, restates=determinations.LeftOut, without="version"):
+class VersionLeftOut(Answer, restates=determinations.LeftOut, without="version"):
     calibration_id: str = Field(validation_alias="version")
 
 
-class ToleranceMeant(models.Answer, restates=results.Tolerance):
+class ToleranceMeant(Answer, restates=results.Tolerance):
     """A tolerance as it was understood: a limit in the unit of the cost."""
 
     kind: Literal["relative", "absolute"]
 
 
-class Parameter(models.Answer, restates=determinations.Key):
+class Parameter(Answer, restates=determinations.Key):
     """Identity of a coefficient, without its value."""
 
 
-class LevelDeviation(models.Answer, restates=Deviation):
+class LevelDeviation(Answer, restates=Deviation):
     pass
 
 
-class EffectAnswer(models.Answer, restates=Effect, without="judgement"):
+class EffectAnswer(Answer, restates=Effect, without="judgement"):
     """Cameras; or bodies and lenses, where swaps tell them apart."""
 
     verdict: Outcome | None = Field(default=None, validation_alias=AliasPath("judgement", "outcome"))
@@ -267,8 +262,8 @@ class ParameterVerdictAnswer(
     verdict: Outcome
     within_camera_variance: models.Quantity | None = None
     between_camera_variance: models.Quantity | None = None
-    equivalence_p_value: float | None = models.maybe("Small: every camera lies within the tolerance.")
-    exceedance_p_value: float | None = models.maybe("Small: some camera lies outside the tolerance.")
+    equivalence_p_value: float | None = maybe("Small: every camera lies within the tolerance.")
+    exceedance_p_value: float | None = maybe("Small: some camera lies outside the tolerance.")
 
     @classmethod
     def of(cls, row: ParameterVerdict) -> "ParameterVerdictAnswer":
@@ -282,13 +277,13 @@ class ParameterVerdictAnswer(
         )
 
 
-class FleetCamera(models.Answer):
+class FleetCamera(Answer):
     camera_id: str
     serial: str
-    repeats: int = models.told("Campaigns with a published version that was not revoked.")
+    repeats: int = told("Campaigns with a published version that was not revoked.")
 
 
-class FleetVerdictAnswer(models.Answer, restates=FleetVerdict, fields="said left_out"):
+class FleetVerdictAnswer(Answer, restates=FleetVerdict, fields="said left_out"):
     method: models.Method
     verdict: Outcome
     cameras: list[FleetCamera]

@@ -19,6 +19,7 @@ from service.calibrations.schemas import Gap, NewPublication
 from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate, list_published
 from service.documents.dcc import write_dcc
+from service.documents.rendered import Order, order_certificate, write_order
 from service.http import answers, lookup, models, operations, problems
 from service.http.auth import Caller
 from service.http.context import Context, UsesContext
@@ -26,6 +27,7 @@ from store import blobs, database, publications, tables
 from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.queries.calibrations import read_version_statuses
+from store.tables import Calibration, IssuedCertificate
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +45,7 @@ class Prepared(Record):
 def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
     """Make and store the certificate that a publication issues; 409 if one with gaps is refused."""
     with context.database.reading() as session:
-        calibration = lookup.owned(session, tables.Calibration, calibration_id, caller)
+        calibration = lookup.owned(session, Calibration, calibration_id, caller)
         publications.require_not_revoked(session, calibration)
     find_issued(context, calibration_id)
     with context.database.reading(snapshot=True) as session:
@@ -69,7 +71,7 @@ def build_issued(
     return build_certificate(record, issued=issued, approved_by=caller.person, published=[act])
 
 
-def find_issued(context: Context, calibration_id: str) -> list[tables.IssuedCertificate]:
+def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate]:
     """Return what was issued of a version; one that was published before that was kept is issued now."""
     with context.database.reading() as session:
         found = publications.list_issued(session, calibration_id)
@@ -104,7 +106,7 @@ class Backlog:
         return _REST_S
 
 
-def gather(context: Context, session: Session, calibration: tables.Calibration) -> CalibrationRecord:
+def gather(context: Context, session: Session, calibration: Calibration) -> CalibrationRecord:
     state = context.reviews.find(session, calibration.campaign_id).record
     return read_calibration_record(session, calibration, state)
 
@@ -133,7 +135,7 @@ def draw_preview(record: CalibrationRecord, files: Files) -> str:
 
 def _issue_late(context: Context, calibration_id: str) -> None:
     with context.database.reading(snapshot=True) as session:
-        record = gather(context, session, session.get_one(tables.Calibration, calibration_id))
+        record = gather(context, session, session.get_one(Calibration, calibration_id))
     issued = schemas.Issued(at=tables.utc_now(), at_upgrade=True)
     certificate = build_certificate(record, issued=issued, published=list_published(record))
     printed = _print(context, record, certificate, first=False)
@@ -149,11 +151,11 @@ def _print(
 ) -> publications.PrintedCertificate:
     content, issued = certificate.dump(), certificate.issued
     assert issued is not None  # noqa: S101  narrows the type
-    order = rendered.order_certificate(content, draw_preview(record, context.files))
+    order = order_certificate(content, draw_preview(record, context.files))
     require = context.settings.decoder_sandbox == "require"
-    pdf = rendered.render_apart(rendered.write_order(order), require=require, first=first)
+    pdf = rendered.render_apart(write_order(order), require=require, first=first)
     kept = [context.blobs.keep([each]) for each in (sheets.write_json(content).encode(), pdf)]
-    row = tables.IssuedCertificate(
+    row = IssuedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,
         json_sha256=kept[0].sha256,
@@ -188,7 +190,7 @@ class DccOptions(Chosen):
 
 @router.get("/certificate.json", **answers.sends(schemas.CertificateAnswer, 404, 416, 500))
 async def get_certificate(
-    calibration: lookup.Own[tables.Calibration], query: WhichOne, request: Request, context: UsesContext
+    calibration: lookup.Own[Calibration], query: WhichOne, request: Request, context: UsesContext
 ) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
 
@@ -208,7 +210,7 @@ async def get_certificate(
 
 @router.get("/certificate.pdf", **answers.sends_stored_file("application/pdf"))
 async def get_certificate_pdf(
-    calibration: lookup.Own[tables.Calibration], query: WhichOne, request: Request, context: UsesContext
+    calibration: lookup.Own[Calibration], query: WhichOne, request: Request, context: UsesContext
 ) -> Response:
     """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
 
@@ -220,18 +222,16 @@ async def get_certificate_pdf(
     if issued is not None:
         return await run_in_threadpool(_send_issued, request, context, issued, "application/pdf")
 
-    def order() -> tuple[str, rendered.Order]:
+    def order() -> tuple[str, Order]:
         certificate, record = _derive(context, calibration)
-        return certificate["number"], rendered.order_certificate(
-            certificate, draw_preview(record, context.files)
-        )
+        return certificate["number"], order_certificate(certificate, draw_preview(record, context.files))
 
     return await send_pdf(request, context, order)
 
 
 @router.get("/certificate.xml", **answers.sends_file("application/xml"))
 async def get_certificate_dcc(
-    calibration: lookup.Own[tables.Calibration],
+    calibration: lookup.Own[Calibration],
     query: Annotated[DccOptions, Query()],
     request: Request,
     context: UsesContext,
@@ -258,14 +258,12 @@ async def get_certificate_dcc(
     return await run_in_threadpool(send)
 
 
-async def send_pdf(
-    request: Request, context: Context, order: Callable[[], tuple[str, rendered.Order]]
-) -> Response:
+async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:
     """Send what is ordered, named by its number; few are made at once, and the others wait."""
 
     def make() -> Response:
         number, ordered = order()
-        written = rendered.write_order(ordered)
+        written = write_order(ordered)
         source = rendered.name_source(written)
         pdf = rendered.find_rendered(context, source) or rendered.render_and_keep(context, source, written)
         return _answer(request, pdf, "application/pdf", _name_pdf(number))
@@ -273,10 +271,10 @@ async def send_pdf(
     return await to_thread.run_sync(make, limiter=context.presses)
 
 
-async def _find(context: Context, calibration_id: str, amendment: int) -> tables.IssuedCertificate | None:
+async def _find(context: Context, calibration_id: str, amendment: int) -> IssuedCertificate | None:
     """Return what was issued of a version; None of a draft."""
 
-    def find() -> list[tables.IssuedCertificate] | None:
+    def find() -> list[IssuedCertificate] | None:
         with context.database.reading() as session:
             found = publications.list_issued(session, calibration_id)
             return None if not found and publications.is_published(session, calibration_id) else found
@@ -289,9 +287,7 @@ async def _find(context: Context, calibration_id: str, amendment: int) -> tables
     return found[amendment] if found else None
 
 
-def _read(
-    context: Context, calibration: tables.Calibration, issued: tables.IssuedCertificate | None
-) -> bytes:
+def _read(context: Context, calibration: Calibration, issued: IssuedCertificate | None) -> bytes:
     """Return the certificate as JSON: as it was issued, or what a draft would be now."""
     if issued is None:
         return sheets.write_json(_derive(context, calibration)[0]).encode()
@@ -299,15 +295,13 @@ def _read(
         return b"".join(context.files.open(issued.json_sha256)[1])
 
 
-def _derive(context: Context, calibration: tables.Calibration) -> tuple[sheets.Node, CalibrationRecord]:
+def _derive(context: Context, calibration: Calibration) -> tuple[sheets.Node, CalibrationRecord]:
     with context.database.reading() as session:
         record = gather(context, session, calibration)
     return build_certificate(record).dump(), record
 
 
-def _send_issued(
-    request: Request, context: Context, issued: tables.IssuedCertificate, media_type: str
-) -> Response:
+def _send_issued(request: Request, context: Context, issued: IssuedCertificate, media_type: str) -> Response:
     headers, sha256 = (
         {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'},
         issued.json_sha256,
@@ -319,7 +313,7 @@ def _send_issued(
 
 
 @contextmanager
-def _naming(issued: tables.IssuedCertificate) -> Iterator[None]:
+def _naming(issued: IssuedCertificate) -> Iterator[None]:
     """Name the certificate if its file is damaged: no upload brings it back."""
     try:
         yield

@@ -13,8 +13,10 @@ from radiometry.fleet import determinations, drift
 from radiometry.specification.exports import RigExport
 from service.calibrations.schemas import VersionLeftOut
 from service.equipment import schemas
-from service.http import answers, auth, changes, lookup, models, operations, paging, problems
+from service.http import answers, changes, lookup, models, operations, paging, problems
+from service.http.auth import Calibrator, Caller, Reader
 from service.http.context import UsesContext
+from service.http.models import Answer, Name, Text, maybe, told
 from store.codec import encode
 from store.queries import fleet, organisations
 from store.queries.campaigns import check_again
@@ -24,22 +26,20 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 
 
 @router.post("", **answers.makes(schemas.CameraAnswer, "It was registered already."))
-def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def create_camera(body: schemas.NewCamera, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a camera body, with the names that it writes into its files."""
     camera, new = organisations.find_or_add_camera(session, caller.organisation_id, _columns(body))
     return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 
 
 class CameraListing(paging.Paging):
-    make: models.Name | None = None
-    model: models.Name | None = None
-    serial: models.Name | None = None
+    make: Name | None = None
+    model: Name | None = None
+    serial: Name | None = None
 
 
 @router.get("", response_model=paging.Page[schemas.CameraAnswer])
-def list_cameras(
-    listing: Annotated[CameraListing, Depends()], caller: auth.Reader, session: Session
-) -> Response:
+def list_cameras(listing: Annotated[CameraListing, Depends()], caller: Reader, session: Session) -> Response:
     """The cameras of your organisation, oldest first."""
     return listing.send_own(session, caller, select(Camera), schemas.CameraAnswer.of)
 
@@ -52,7 +52,7 @@ def get_camera(camera: lookup.Own[Camera]) -> Response:
 
 @router.patch("/{camera_id}", response_model=schemas.CameraAnswer)
 def change_camera(
-    camera: lookup.Own[Camera], body: schemas.CameraChange, caller: auth.Calibrator, session: Session
+    camera: lookup.Own[Camera], body: schemas.CameraChange, caller: Calibrator, session: Session
 ) -> changes.Reply:
     """Correct a camera's names, lens or sensor. With other names its campaigns' frames are checked again."""
     before = _names(camera)
@@ -88,21 +88,19 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
     "",
     **answers.makes(schemas.MeterAnswer, "It was registered already; a certificate sent now is its newest."),
 )
-def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def create_meter(body: schemas.NewMeter, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a meter, with its calibration certificate where there is one."""
     meter, new = organisations.find_or_add_meter(session, caller.organisation_id, body.columns())
     return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
 
 
 class MeterListing(paging.Paging):
-    kind: models.Text | None = None
-    serial: models.Name | None = None
+    kind: Text | None = None
+    serial: Name | None = None
 
 
 @meters_router.get("", response_model=paging.Page[schemas.MeterAnswer])
-def list_meters(
-    listing: Annotated[MeterListing, Depends()], caller: auth.Reader, session: Session
-) -> Response:
+def list_meters(listing: Annotated[MeterListing, Depends()], caller: Reader, session: Session) -> Response:
     """The meters of your organisation, oldest first."""
     return listing.send_own(session, caller, select(Meter), schemas.MeterAnswer.of)
 
@@ -119,7 +117,7 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
 @panels_router.post(
     "", **answers.makes(schemas.PanelAnswer, "It was registered already, with the same figures.", 409)
 )
-def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def create_panel(body: schemas.NewPanel, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
     values = body.columns()
     panel, new = organisations.find_or_add_panel(session, caller.organisation_id, values)
@@ -133,13 +131,11 @@ def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, session: Sessi
 
 
 class PanelListing(paging.Paging):
-    serial: models.Name | None = None
+    serial: Name | None = None
 
 
 @panels_router.get("", response_model=paging.Page[schemas.PanelAnswer])
-def list_panels(
-    listing: Annotated[PanelListing, Depends()], caller: auth.Reader, session: Session
-) -> Response:
+def list_panels(listing: Annotated[PanelListing, Depends()], caller: Reader, session: Session) -> Response:
     """The panels of your organisation, oldest entry first."""
     return listing.send_own(session, caller, select(Panel), schemas.PanelAnswer.restate)
 
@@ -155,47 +151,47 @@ MOST_CAMERAS = 20
 
 
 class NewRig(models.Form):
-    name: models.Text = models.told("Under which the rig is found again; its exports carry it.")
-    camera_ids: models.CameraIds = models.told("The reference camera first.", max_length=MOST_CAMERAS)
+    name: Text = told("Under which the rig is found again; its exports carry it.")
+    camera_ids: models.CameraIds = told("The reference camera first.", max_length=MOST_CAMERAS)
 
 
-class RigAnswer(models.Answer, restates=Rig, fields="id name camera_ids created_at"):
+class RigAnswer(Answer, restates=Rig, fields="id name camera_ids created_at"):
     pass
 
 
-class RelativePoseAnswer(models.Answer, restates=get_args(_PARTS["poses"])[0]):
+class RelativePoseAnswer(Answer, restates=get_args(_PARTS["poses"])[0]):
     pass
 
 
-class RigPointAnswer(models.Answer, restates=get_args(_PARTS["points"])[0]):
+class RigPointAnswer(Answer, restates=get_args(_PARTS["points"])[0]):
     pass
 
 
-class OrientationAnswer(models.Answer, restates=fleet.SPEC.result):
+class OrientationAnswer(Answer, restates=fleet.SPEC.result):
     pass
 
 
-class RigSetAnswer(models.Answer):
+class RigSetAnswer(Answer):
     """One set of pictures taken together, with the versions that it was made from."""
 
     at: models.Instant
     calibration_ids: list[str]
     orientation: OrientationAnswer
-    findings: list[models.FindingGroupAnswer] = models.told("Its flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = told("Its flags, equal ones as one.")
 
 
-class RigStabilityAnswer(models.Answer, restates=drift.RigStability):
+class RigStabilityAnswer(Answer, restates=drift.RigStability):
     mean: models.Quantity
 
 
-class RigOrientationAnswer(models.Answer):
+class RigOrientationAnswer(Answer):
     rig_id: str
-    sets: list[RigSetAnswer] = models.told("In time, the newest last.")
+    sets: list[RigSetAnswer] = told("In time, the newest last.")
     stability: list[RigStabilityAnswer]
     left_out: list[VersionLeftOut]
 
 
-class RigFile(models.Answer):
+class RigFile(Answer):
     """Cameras and orientation of a rig with their covariances."""
 
     rig: str
@@ -213,7 +209,7 @@ MOST_SETS = 20
 class _Chosen(BaseModel):
     """Which versions orient a rig."""
 
-    calibration_id: list[str] | None = models.maybe(
+    calibration_id: list[str] | None = maybe(
         "One version of each camera, in any order, in place of the published ones; repeated.", max_length=20
     )
 
@@ -221,12 +217,8 @@ class _Chosen(BaseModel):
 class _Judged(_Chosen):
     """Query of a rig's stability, with the change between sets that is accepted."""
 
-    tolerance_deg: models.PositiveText | None = models.maybe(
-        "Largest accepted change of an angle over all sets."
-    )
-    tolerance_m: models.PositiveText | None = models.maybe(
-        "Largest accepted change of a place over all sets."
-    )
+    tolerance_deg: models.PositiveText | None = maybe("Largest accepted change of an angle over all sets.")
+    tolerance_m: models.PositiveText | None = maybe("Largest accepted change of a place over all sets.")
 
     @property
     def limits(self) -> dict[str, float]:
@@ -241,7 +233,7 @@ Judging = Annotated[_Judged, Query()]
 @rigs_router.post(
     "", **answers.makes(RigAnswer, "It was registered already, with the same cameras.", 404, 409)
 )
-def create_rig(body: NewRig, caller: auth.Calibrator, session: Session) -> changes.Reply:
+def create_rig(body: NewRig, caller: Calibrator, session: Session) -> changes.Reply:
     """Register cameras that are mounted together, the reference first."""
     cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
     serials = [camera.serial for camera in cameras]
@@ -260,11 +252,11 @@ def create_rig(body: NewRig, caller: auth.Calibrator, session: Session) -> chang
 
 
 class RigListing(paging.Paging):
-    name: models.Text | None = None
+    name: Text | None = None
 
 
 @rigs_router.get("", response_model=paging.Page[RigAnswer])
-def list_rigs(listing: Annotated[RigListing, Depends()], caller: auth.Reader, session: Session) -> Response:
+def list_rigs(listing: Annotated[RigListing, Depends()], caller: Reader, session: Session) -> Response:
     """The rigs of your organisation, oldest entry first."""
     return listing.send_own(session, caller, select(Rig), RigAnswer.restate)
 
@@ -277,7 +269,7 @@ def get_rig(rig: lookup.Own[Rig]) -> Response:
 
 @rigs_router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer)
 def get_rig_orientation(
-    rig: lookup.Own[Rig], caller: auth.Reader, context: UsesContext, judging: Judging
+    rig: lookup.Own[Rig], caller: Reader, context: UsesContext, judging: Judging
 ) -> Response:
     """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
     found, why = _orient_sets(rig, caller, context, judging.calibration_id)
@@ -304,7 +296,7 @@ _Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
 
 
 def _orient_sets(
-    rig: Rig, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+    rig: Rig, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
 ) -> tuple[_Oriented, list[determinations.LeftOut]]:
     sets, left_out = _find_sets(rig, caller, context, calibration_ids)
     found, why = [], list(left_out)
@@ -319,7 +311,7 @@ def _orient_sets(
 
 
 def _find_sets(
-    rig: Rig, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+    rig: Rig, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
 ) -> tuple[tuple[tuple[drift.RigVersion, ...], ...], tuple[determinations.LeftOut, ...]]:
     with context.database.reading() as session:
         cameras = fleet.list_cameras(session, rig)
@@ -344,7 +336,7 @@ def _find_sets(
 
 
 def _add_export(export: RigExport) -> None:
-    def send(rig: lookup.Own[Rig], caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
+    def send(rig: lookup.Own[Rig], caller: Reader, context: UsesContext, chosen: Versions) -> Response:
         found, _ = _orient_sets(rig, caller, context, chosen.calibration_id)
         if not found:
             raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")

@@ -5,38 +5,35 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from service.http import models
+from service.http.models import Name, maybe, told
 from store.queries.evidence import Offer
 from store.tables import Camera, Meter, Panel, organisation
 
 
 class Lens(models.Form, models.Answer):
-    make: models.Name = models.told("Manufacturer of the lens.")
-    model: models.Name = models.told("As engraved on the lens.")
-    serial: models.Name | None = models.maybe("As engraved on the lens, where it has one.")
+    make: Name = told("Manufacturer of the lens.")
+    model: Name = told("As engraved on the lens.")
+    serial: Name | None = maybe("As engraved on the lens, where it has one.")
 
 
 class NewCamera(models.Form):
-    make: models.Name = models.told("As in the files: DJI.")
-    model: models.Name = models.told("As in the files: FC6520.")
-    serial: models.Name = models.told(
-        "Of the camera body, as in the files: frames of another body are refused."
-    )
-    lens: Lens | None = models.maybe("The lens it is calibrated with, where it can be changed.")
-    pixel_pitch_um: models.PixelPitch | None = models.maybe(
+    make: Name = told("As in the files: DJI.")
+    model: Name = told("As in the files: FC6520.")
+    serial: Name = told("Of the camera body, as in the files: frames of another body are refused.")
+    lens: Lens | None = maybe("The lens it is calibrated with, where it can be changed.")
+    pixel_pitch_um: models.PixelPitch | None = maybe(
         "Distance of neighbouring pixels on the sensor; without it, geometry gives no lengths in mm."
     )
-    sensor_width_mm: models.Positive | None = models.maybe("Of the sensitive area.")
-    note: models.LongText | None = models.maybe(
-        "Free text, such as where the camera is kept. It changes no result."
-    )
+    sensor_width_mm: models.Positive | None = maybe("Of the sensitive area.")
+    note: models.LongText | None = maybe("Free text, such as where the camera is kept. It changes no result.")
 
 
 class CameraChange(models.Form):
     """Corrections; what is left out stays."""
 
-    make: models.Name | None = None
-    model: models.Name | None = None
-    serial: models.Name | None = None
+    make: Name | None = None
+    model: Name | None = None
+    serial: Name | None = None
     lens: Lens | None = None
     pixel_pitch_um: models.PixelPitch | None = None
     sensor_width_mm: models.Positive | None = None
@@ -58,22 +55,20 @@ class CameraAnswer(
 
 
 class Certificate(models.Form, models.Answer):
-    number: models.Text = models.told(
+    number: models.Text = told(
         "As the certificate states it. Without a certificate, u(K) does not include the "
         "calibration of the meter, and K is flagged."
     )
-    laboratory: models.Text = models.told("Who issued the certificate.")
-    issued_on: models.Day = models.told("Date of the certificate.")
-    due_on: models.Day = models.told(
+    laboratory: models.Text = told("Who issued the certificate.")
+    issued_on: models.Day = told("Date of the certificate.")
+    due_on: models.Day = told(
         "When the meter is to be calibrated again; certificates name later readings as a gap. Not before "
         "`issued_on`."
     )
-    expanded_uncertainty_rel: models.Number = models.told(
+    expanded_uncertainty_rel: models.Number = told(
         "U of the reading, relative to it, as the certificate states it.", gt=0, lt=1
     )
-    coverage_factor: models.Number = models.told(
-        "k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10
-    )
+    coverage_factor: models.Number = told("k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10)
 
     @model_validator(mode="after")
     def _dates_in_order(self) -> "Certificate":
@@ -83,15 +78,13 @@ class Certificate(models.Form, models.Answer):
 
 
 class NewMeter(models.Form):
-    kind: organisation.MeterKind = models.told(
+    kind: organisation.MeterKind = told(
         "What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
     )
-    make: models.Name = models.told("Manufacturer of the meter.")
-    model: models.Name = models.told("As on its type plate.")
-    serial: models.Name = models.told("As on its type plate: the certificate holds for this meter alone.")
-    certificate: Certificate | None = models.maybe(
-        "The calibration certificate that is in force for the readings."
-    )
+    make: Name = told("Manufacturer of the meter.")
+    model: Name = told("As on its type plate.")
+    serial: Name = told("As on its type plate: the certificate holds for this meter alone.")
+    certificate: Certificate | None = maybe("The calibration certificate that is in force for the readings.")
 
     def columns(self) -> dict[str, Any]:
         """The table's columns: the certificate lies flat in it."""
@@ -115,19 +108,17 @@ class PanelBand(models.Form, models.Answer):
     """Reflectance of a panel in a band; `Red edge`, `RedEdge`, `red_edge` are one name, always the last."""
 
     band: models.BandName
-    reflectance: models.Number = models.told("A share; over 1 only for a glossy panel.", gt=0, le=1.2)
-    standard_uncertainty: models.Number | None = models.maybe(
-        "Absolute, as the reflectance is; k = 1.", ge=0, lt=1
-    )
-    origin: Literal["file"] | None = models.maybe(
+    reflectance: models.Number = told("A share; over 1 only for a glossy panel.", gt=0, le=1.2)
+    standard_uncertainty: models.Number | None = maybe("Absolute, as the reflectance is; k = 1.", ge=0, lt=1)
+    origin: Literal["file"] | None = maybe(
         "`file`: as the camera or the panel's code states it, on a day that is not known."
     )
 
 
 class NewPanel(models.Form):
-    serial: models.Name = models.told("As printed on the panel, or in its code.")
-    measured_on: models.Day = models.told("When its reflectance was measured: panels age.")
-    bands: list[PanelBand] = models.told(
+    serial: Name = told("As printed on the panel, or in its code.")
+    measured_on: models.Day = told("When its reflectance was measured: panels age.")
+    bands: list[PanelBand] = told(
         "Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
     )
 
@@ -147,7 +138,7 @@ class NewPanel(models.Form):
 class PanelOffered(models.Answer, restates=Offer, fields="serial registered"):
     """The panel that a campaign's frames name, where it is not the campaign's."""
 
-    bands: list[PanelBand] = models.told("As the files or the panel's code state them; may be empty.")
+    bands: list[PanelBand] = told("As the files or the panel's code state them; may be empty.")
 
 
 class PanelAnswer(models.Answer, restates=Panel, fields="id serial measured_on created_at"):

@@ -26,6 +26,7 @@ from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Own
+from service.http.models import Answer, maybe, told
 from service.jobs.routes import QUEUES, JobAnswer, queue
 from service.measurements import requests, schemas
 from service.tools.routes import stateless
@@ -108,22 +109,18 @@ def _encode_lossy(picture: Image.Image, quality: int) -> bytes:
 class NewLook(models.Form):
     """Corners of a region that is not set yet."""
 
-    polygon: list[Point] = models.told(
-        "Corners [x, y] in pixels, x right, y down.", min_length=3, max_length=1000
-    )
+    polygon: list[Point] = told("Corners [x, y] in pixels, x right, y down.", min_length=3, max_length=1000)
 
 
-class GridLook(models.Answer):
+class GridLook(Answer):
     """A grid as it would be measured."""
 
-    corners: list[list[float]] = models.told("[x, y] in pixels of the field between two luminaires.")
+    corners: list[list[float]] = told("[x, y] in pixels of the field between two luminaires.")
     rows: int
     columns: int
-    point_u_m: float | None = models.maybe(
-        "Of lanes: largest standard uncertainty of a point's place on the road."
-    )
+    point_u_m: float | None = maybe("Of lanes: largest standard uncertainty of a point's place on the road.")
     flags: list[schemas.FlagAnswer]
-    findings: list[models.FindingGroupAnswer] = models.told("The flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = told("The flags, equal ones as one.")
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])
@@ -194,14 +191,12 @@ _Level = Annotated[models.Number, Field(ge=0, le=65_535)]
 class NewCrop(models.Form):
     """A window of the frame, and the range of raw values that its grey scale shows."""
 
-    row0_px: _Start = models.told("First row, from the top.")
-    col0_px: _Start = models.told("First column, from the left.")
+    row0_px: _Start = told("First row, from the top.")
+    col0_px: _Start = told("First column, from the left.")
     height_px: _Side
     width_px: _Side
-    low_dn: _Level | None = models.maybe(
-        "Shown black. Default: the black level, or what is darker in the window."
-    )
-    high_dn: _Level | None = models.maybe("Shown white. Default: the window's brightest but a thousandth.")
+    low_dn: _Level | None = maybe("Shown black. Default: the black level, or what is darker in the window.")
+    high_dn: _Level | None = maybe("Shown white. Default: the window's brightest but a thousandth.")
 
     @model_validator(mode="after")
     def _range_is_one(self) -> Self:
@@ -246,16 +241,16 @@ MOST_THUMBNAILS = 100
 _Wanted = Annotated[str, StringConstraints(max_length=60, pattern=r"^[A-Za-z0-9_]+(\.[0-9a-f]{8})?$")]
 
 
-class ThumbnailAnswer(models.Answer):
+class ThumbnailAnswer(Answer):
     frame_id: str
-    tag: str = models.told("As in the grid's column `thumbnail`.")
-    picture: str = models.told(
+    tag: str = told("As in the grid's column `thumbnail`.")
+    picture: str = told(
         "WebP of at most 40 kB, in base64.",
         json_schema_extra={"contentEncoding": "base64", "contentMediaType": "image/webp"},
     )
 
 
-class ThumbnailsAnswer(models.Answer):
+class ThumbnailsAnswer(Answer):
     """Frames that have no picture are left out."""
 
     items: list[ThumbnailAnswer]

@@ -12,7 +12,7 @@ from radiometry.methods import METHODS, findings
 from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
 from service.http import models
-from service.http.models import Answer, Form, Text, maybe, told
+from service.http.models import Answer, Flag, Form, Text, maybe, told
 from store import blobs, codec, tables
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
@@ -47,11 +47,9 @@ class FrameChange(Form):
 
     role: Role | None = maybe("What the frame shows: it decides what it is used for.")
     scene: models.Clearable | None = maybe('The light level that it shows; "" for a frame without one.')
-    left_out: models.Flag | None = maybe(
-        "Keep the frame, and leave it out of every fit and batch measurement."
-    )
+    left_out: Flag | None = maybe("Keep the frame, and leave it out of every fit and batch measurement.")
     reason: models.LongText | None = maybe("Why it is left out.")
-    withdrawn: models.Flag | None = maybe("Take the frame out of its campaign; false restores it.")
+    withdrawn: Flag | None = maybe("Take the frame out of its campaign; false restores it.")
     exposure_time_s: models.Positive | None = maybe("For a file that does not say it.")
     f_number: models.Positive | None = maybe("For a file that does not say it.")
     iso: models.Positive | None = maybe("For a file that does not say it.")
@@ -62,8 +60,8 @@ class ExpectedFrame(Form):
 
     role: Role | None = None
     scene: models.Clearable | None = maybe('"" for a frame without one.')
-    left_out: models.Flag | None = None
-    withdrawn: models.Flag | None = None
+    left_out: Flag | None = None
+    withdrawn: Flag | None = None
 
 
 class FramesChange(FrameChange):

@@ -15,6 +15,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication
 from service.http import answers, auth, changes, lookup, models, operations
 from service.http.context import Context, UsesContext
+from service.http.lookup import Own
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, wrong
 from service.jobs.routes import JobAnswer, enqueue, reply_queued
@@ -119,7 +120,7 @@ def start_measurement(
     responses=answers.problems(409),
 )
 def start_campaign_measurements(
-    campaign: lookup.Own[Campaign],
+    campaign: Own[Campaign],
     body: requests.MeasurementOptions,
     asked: Asked,
     caller: auth.Uploader,
@@ -168,7 +169,7 @@ def list_measurements(
 
 
 @router.get("/measurements/{measurement_id}", **answers.sends(schemas.MeasurementAnswer))
-def get_measurement(measurement: lookup.Own[Measurement], request: Request, session: Session) -> Response:
+def get_measurement(measurement: Own[Measurement], request: Request, session: Session) -> Response:
     """One measurement, with the calibration that it was made with and what has become of that since."""
     answer = answer_measurements(session, [measurement])[0]
     # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
@@ -177,9 +178,7 @@ def get_measurement(measurement: lookup.Own[Measurement], request: Request, sess
 
 
 @router.get("/measurements/{measurement_id}/record.json", **answers.sends(MeasurementRecord))
-def get_measurement_record(
-    measurement: lookup.Own[Measurement], request: Request, session: Session
-) -> Response:
+def get_measurement_record(measurement: Own[Measurement], request: Request, session: Session) -> Response:
     """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
 
     It never changes. `stilb export --measurement` downloads it with the frames and the map.
@@ -198,9 +197,7 @@ def get_measurement_record(
 
 
 @router.get("/measurements/{measurement_id}/map.tif", **answers.sends_stored_file("image/tiff"))
-def get_measurement_map(
-    measurement: lookup.Own[Measurement], request: Request, context: UsesContext
-) -> Response:
+def get_measurement_map(measurement: Own[Measurement], request: Request, context: UsesContext) -> Response:
     """Return the map of all pixels, float32, with the frame's metadata; NaN where the value is not known.
 
     A luminance in cd/m2; a band's reflectance or an index without unit, or its radiance in W/(m2 sr nm). With
@@ -212,7 +209,7 @@ def get_measurement_map(
 
 @router.get("/measurements/{measurement_id}/map.png", **answers.sends_stored_file("image/png"))
 def get_measurement_picture(
-    measurement: lookup.Own[Measurement], request: Request, context: UsesContext
+    measurement: Own[Measurement], request: Request, context: UsesContext
 ) -> Response:
     """The map in false colours with its bar: of luminance on a logarithmic scale, else on an even one.
 

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.http import answers, auth, changes, connections, lookup, operations, paging, problems, tables
+from service.http.auth import Admin, Anybody, Caller, Scope
 from service.http.context import Context, UsesContext
 from service.http.models import (
     Answer,
@@ -90,7 +91,7 @@ def get_organisation(caller: auth.Reader, context: UsesContext, session: Session
 
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=answers.problems(409))
-def change_organisation(body: OrganisationChange, caller: auth.Admin, session: Session) -> changes.Reply:
+def change_organisation(body: OrganisationChange, caller: Admin, session: Session) -> changes.Reply:
     """Set name and address of certificates, the time zone of cameras ("" for none), and what is refused."""
     organisation = session.get_one(Organisation, caller.organisation_id)
     if body.name is not None:
@@ -152,7 +153,7 @@ Chosen = Annotated[AuditQuery, Query()]
 
 @audit_router.get("", response_model=paging.Page[AuditEntryAnswer])
 def list_audit_entries(
-    request: Request, query: Annotated[AuditListing, Query()], caller: auth.Admin, session: Session
+    request: Request, query: Annotated[AuditListing, Query()], caller: Admin, session: Session
 ) -> Response:
     """List who did what in your organisation, from what to what, newest first."""
     chosen = query.model_dump(exclude={"limit", "cursor"})
@@ -168,13 +169,13 @@ def list_audit_entries(
 
 
 @audit_router.get("/entries.csv", response_class=Response, responses=_exports("text/csv"))
-def get_audit_csv(query: Chosen, caller: auth.Admin, context: UsesContext) -> Response:
+def get_audit_csv(query: Chosen, caller: Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, as a spreadsheet; `before` and `after` are JSON."""
     return _send(_write_csv(_read(context, caller, query)), "csv", "text/csv")
 
 
 @audit_router.get("/entries.jsonl", response_class=Response, responses=_exports("application/jsonl"))
-def get_audit_jsonl(query: Chosen, caller: auth.Admin, context: UsesContext) -> Response:
+def get_audit_jsonl(query: Chosen, caller: Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, one JSON object a line, with all that their hashes cover."""
     lines = (json.dumps(row, ensure_ascii=False) + "\n" for row in _read(context, caller, query))
     return _send(lines, "jsonl", "application/jsonl")
@@ -183,7 +184,7 @@ def get_audit_jsonl(query: Chosen, caller: auth.Admin, context: UsesContext) -> 
 @audit_router.get("/chain", response_model=AuditChainAnswer)
 def get_audit_chain(
     request: Request,
-    caller: auth.Admin,
+    caller: Admin,
     context: UsesContext,
     after: Annotated[int, Query(ge=0, le=_LARGEST_SEQ, description="Continue behind this entry.")] = 0,
 ) -> Response:
@@ -208,7 +209,7 @@ def get_audit_chain(
     ).respond()
 
 
-def _read(context: Context, caller: auth.Caller, query: AuditQuery) -> Iterator[dict[str, Any]]:
+def _read(context: Context, caller: Caller, query: AuditQuery) -> Iterator[dict[str, Any]]:
     rows = select_entries(caller.organisation_id, **query.model_dump())
     for row, named in read_entries(context.database, rows):
         yield AuditEntryAnswer.restate(row, **named).dump()
@@ -231,9 +232,7 @@ def _send(parts: Iterator[str], suffix: str, media_type: str) -> Response:
 
 class NewKey(Form):
     name: Text = told("Of the person, device or program that uses the key; the audit trail names it.")
-    scopes: list[auth.Scope] = told(
-        "What the key may do; it cannot be changed later.", min_length=1, max_length=5
-    )
+    scopes: list[Scope] = told("What the key may do; it cannot be changed later.", min_length=1, max_length=5)
     person: Text | None = maybe("Who uses the key: certificates name who fitted and who approved.")
     role: Text | None = maybe("Of the person in the laboratory.")
     expires_at: Instant | None = maybe(
@@ -249,7 +248,7 @@ class KeyChange(Form):
 class KeyAnswer(
     Answer, restates=ApiKey, fields="id name person role scopes created_at expires_at last_used_at revoked_at"
 ):
-    scopes: list[auth.Scope]
+    scopes: list[Scope]
     secret: str | None = maybe(
         "The key itself: shown once, kept only as a hash, not repeated to a repeated request."
     )
@@ -265,7 +264,7 @@ class OrganisationNamed(Answer, restates=Organisation, fields="id name"):
 class OwnKeyAnswer(Answer, restates=ApiKey, fields="id name person role created_at expires_at last_used_at"):
     """The key of the one who asks, and the organisation that it belongs to."""
 
-    scopes: list[auth.Scope]
+    scopes: list[Scope]
     organisation: OrganisationNamed
 
 
@@ -300,7 +299,7 @@ keys_router = operations.Router(prefix="/v1", tags=["keys"])
 @keys_router.post(
     "/organisations", status_code=201, response_model=OrganisationAnswer, responses=answers.problems(409)
 )
-def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Session) -> changes.Reply:
+def create_organisation(body: NewOrganisation, caller: Admin, session: Session) -> changes.Reply:
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
         raise problems.Problem(
@@ -313,19 +312,19 @@ def create_organisation(body: NewOrganisation, caller: auth.Admin, session: Sess
 
 
 @keys_router.post("/keys", status_code=201, response_model=KeyAnswer)
-def create_api_key(body: NewKey, caller: auth.Admin, session: Session) -> changes.Reply:
+def create_api_key(body: NewKey, caller: Admin, session: Session) -> changes.Reply:
     """Make a key of your organisation. Its secret is in this answer and nowhere else."""
     return changes.Reply(status=201, body=_create(session, caller.organisation_id, body))
 
 
 @keys_router.get("/keys", response_model=Page[KeyAnswer])
-def list_keys(paging: UsesPaging, caller: auth.Admin, session: Session) -> Response:
+def list_keys(paging: UsesPaging, caller: Admin, session: Session) -> Response:
     """The keys of your organisation, without their secrets."""
     return paging.send_own(session, caller, select(ApiKey), KeyAnswer.restate)
 
 
 @keys_router.get("/keys/own", response_model=OwnKeyAnswer)
-def get_own_key(caller: auth.Anybody, session: Session) -> Response:
+def get_own_key(caller: Anybody, session: Session) -> Response:
     """The key that you ask with: whose it is and what it may do. Any key may ask."""
     key = session.get_one(ApiKey, caller.key_id)
     organisation = session.get_one(Organisation, caller.organisation_id)
@@ -333,7 +332,7 @@ def get_own_key(caller: auth.Anybody, session: Session) -> Response:
 
 
 @keys_router.patch("/keys/{key_id}", response_model=KeyAnswer)
-def change_key(key: lookup.Own[ApiKey], body: KeyChange, _caller: auth.Admin) -> changes.Reply:
+def change_key(key: lookup.Own[ApiKey], body: KeyChange, _caller: Admin) -> changes.Reply:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
     Whoever publishes with the key signs the certificates that are issued then.
@@ -345,7 +344,7 @@ def change_key(key: lookup.Own[ApiKey], body: KeyChange, _caller: auth.Admin) ->
 
 
 @keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=answers.problems(409))
-def revoke_key(key: lookup.Own[ApiKey], _caller: auth.Admin, session: Session) -> changes.Reply:
+def revoke_key(key: lookup.Own[ApiKey], _caller: Admin, session: Session) -> changes.Reply:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
     The last key in force with the scope `admin` cannot be revoked: make another one first.
@@ -388,16 +387,14 @@ OfKey = Annotated[Text | None, Query(description="Only those opened with this ke
 
 
 @sessions_router.get("", response_model=Page[SessionAnswer])
-def list_sessions(
-    paging: UsesPaging, caller: auth.Anybody, session: Session, key_id: OfKey = None
-) -> Response:
+def list_sessions(paging: UsesPaging, caller: Anybody, session: Session, key_id: OfKey = None) -> Response:
     """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
     rows = _select(caller, key_id)
     return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
 
 
 @sessions_router.delete("", response_model=EndedSessions)
-def end_other_sessions(caller: auth.Anybody, session: Session, key_id: OfKey = None) -> changes.Reply:
+def end_other_sessions(caller: Anybody, session: Session, key_id: OfKey = None) -> changes.Reply:
     """End every session that the list shows, except the one that asks."""
     others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
     for row in others:
@@ -406,7 +403,7 @@ def end_other_sessions(caller: auth.Anybody, session: Session, key_id: OfKey = N
 
 
 @sessions_router.delete("/{session_id}", response_model=SessionAnswer)
-def end_session(session_id: lookup.Id, caller: auth.Anybody, session: Session) -> changes.Reply:
+def end_session(session_id: lookup.Id, caller: Anybody, session: Session) -> changes.Reply:
     """End a session at once: its browser has to sign in again. It stays in the record."""
     row = lookup.owned(session, WebSession, session_id, caller)
     if row.key_id != caller.key_id and not _is_admin(caller):
@@ -415,7 +412,7 @@ def end_session(session_id: lookup.Id, caller: auth.Anybody, session: Session) -
     return changes.Reply(status=200, body=_answer(session, row, caller))
 
 
-def _select(caller: auth.Caller, key_id: str | None) -> Select[WebSession]:
+def _select(caller: Caller, key_id: str | None) -> Select[WebSession]:
     rows = (
         select(WebSession)
         .join(ApiKey, ApiKey.id == WebSession.key_id)
@@ -426,11 +423,11 @@ def _select(caller: auth.Caller, key_id: str | None) -> Select[WebSession]:
     return rows if key_id is None else rows.where(WebSession.key_id == key_id)
 
 
-def _is_admin(caller: auth.Caller) -> bool:
+def _is_admin(caller: Caller) -> bool:
     return "admin" in caller.scopes
 
 
-def _answer(session: Session, row: WebSession, caller: auth.Caller) -> SessionAnswer:
+def _answer(session: Session, row: WebSession, caller: Caller) -> SessionAnswer:
     key = session.get_one(ApiKey, row.key_id)
     return SessionAnswer.restate(
         row, key_name=key.name, person=key.person, current=row.id == caller.session_id
