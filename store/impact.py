@@ -14,28 +14,14 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.methods import METHODS, get_method
 from radiometry.records import Record
 from radiometry.specification.application import BandApplication, SurfaceApplication
-from store import codec, database
+from store import codec, database, tables
 from store.measuring.comparison import Reference, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
 from store.publications import InForce, list_held, revoke
 from store.queries import add, by_id
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.frame_times import FrameClocks, FrameTime
-from store.tables import (
-    AuditEntry,
-    Calibration,
-    Camera,
-    Campaign,
-    CoefficientRow,
-    FrameRow,
-    Measurement,
-    Meter,
-    Reading,
-    Recall,
-    Road,
-    RoadResult,
-    Slot,
-)
+from store.tables import Calibration, Camera, CoefficientRow, FrameRow, Measurement, Recall, Road, RoadResult
 from store.tables.base import utc_now
 
 
@@ -168,9 +154,9 @@ def _list_open(session: Session, calibration: Calibration) -> list[InForce]:
     """Every validity that stands in the slot of a version, in the order of time."""
     return list_held(
         session,
-        Slot.camera_id == calibration.camera_id,
-        Slot.method == calibration.method,
-        Slot.configuration == json.dumps(calibration.configuration, sort_keys=True),
+        tables.Slot.camera_id == calibration.camera_id,
+        tables.Slot.method == calibration.method,
+        tables.Slot.configuration == json.dumps(calibration.configuration, sort_keys=True),
     )
 
 
@@ -234,10 +220,10 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
     mine = select(Calibration.id).where(Calibration.organisation_id == organisation_id)
     match kind:
         case "meter_id":
-            meter = session.get_one(Meter, value)
+            meter = session.get_one(tables.Meter, value)
             engraved = {name: getattr(meter, name) for name in _ENGRAVED}
             # in the campaigns with a reading of it: readings are never deleted
-            had_it = select(Reading.campaign_id).where(Reading.meter_id == meter.id)
+            had_it = select(tables.Reading.campaign_id).where(tables.Reading.meter_id == meter.id)
             mine = mine.where(Calibration.campaign_id.in_(had_it))
             return _by_meter(session, mine, lambda used: engraved.items() <= used.items())
         case "meter_certificate_number":
@@ -246,10 +232,13 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
             return sorted(session.scalars(mine.where(Calibration.software["stilb"].as_string() == value)))
         case _:
             # campaigns that name this recorder, or did before
-            once = select(AuditEntry.subject_id).where(
-                AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == value
+            once = select(tables.AuditEntry.subject_id).where(
+                tables.AuditEntry.subject_type == "campaign",
+                tables.AuditEntry.after["recorder"].as_string() == value,
             )
-            named = select(Campaign.id).where(or_(Campaign.recorder == value, Campaign.id.in_(once)))
+            named = select(tables.Campaign.id).where(
+                or_(tables.Campaign.recorder == value, tables.Campaign.id.in_(once))
+            )
             return sorted(session.scalars(mine.where(Calibration.campaign_id.in_(named))))
 
 

@@ -14,16 +14,7 @@ from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorM
 from radiometry.records import Record
 from radiometry.reflectance import codes, results
 from radiometry.reflectance.points import Candidate
-from radiometry.reflectance.results import (
-    ASSUMED_DOF,
-    READING_DOF,
-    BandFit,
-    Coefficient,
-    Knot,
-    Normalisation,
-    Params,
-    Point,
-)
+from radiometry.reflectance.results import ASSUMED_DOF, READING_DOF, BandFit, Coefficient, Knot, Params, Point
 from radiometry.reflectance.sun import Angles, locate_suns_of, read_clock, take_away, turned_deg
 from radiometry.reflectance.sunshine import (
     LARGEST_TILT_DEG,
@@ -432,7 +423,7 @@ def find_scale(band: Multispectral) -> float:
     return band.response.adjustment if band.response is not None else 0.0
 
 
-def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
+def unit_of_k(band: Multispectral, normalisation: results.Normalisation) -> str:
     """Return the unit of R I_ss / I_sq."""
     if isinstance(band.response, SensorModel):
         return "1/s" if normalisation == "sunshine" else "1"

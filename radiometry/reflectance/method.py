@@ -17,35 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.fitting import evidence
 from radiometry.fitting.comparison import PERCENT
-from radiometry.fitting.evidence import (
-    CoefficientValue,
-    Extracted,
-    Quantity,
-    Region,
-    require_complete,
-)
+from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, require_complete
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis, Multispectral
 from radiometry.records import Record
-from radiometry.reflectance import codes, findings, imaging, panel_code, points, sun
+from radiometry.reflectance import codes, findings, imaging, panel_code, points, results, sun
 from radiometry.reflectance.fit import check_times, describe_point, find_scale, fit_bands
-from radiometry.reflectance.results import (
-    READING_DOF,
-    REFLECTANCE_UNIT,
-    AppliedReflectance,
-    Coefficient,
-    Doubt,
-    Effect,
-    Fit,
-    FrameRow,
-    KAtTime,
-    Params,
-    Reading,
-    add_effects,
-    evaluate_k,
-)
+from radiometry.reflectance.results import Coefficient, Doubt, Effect, Fit, FrameRow, KAtTime, Params, Reading
 from radiometry.reflectance.sunshine import (
     SINGLE_READING_U_REL,
     Gain,
@@ -117,7 +98,7 @@ def find_scale_of_frame(
             sunshine = _doubt_sky(sunshine, band)
     else:
         flags.append(codes.PANEL_ONLY.at("", "Its light was not compared with this frame's."))
-    k = evaluate_k(coefficient, at_s=sun.read_clock_s(header))
+    k = results.evaluate_k(coefficient, at_s=sun.read_clock_s(header))
     if k.outside_s != 0.0:
         flags.append(codes.OUTSIDE_PANEL_TIMES.at("", _describe_outside(k)))
     sources = _list_sources(coefficient, k, sunshine)
@@ -168,7 +149,7 @@ def _list_sources(
         return ("K", k.u_rel), ("drift", k.drift_u_rel)
     own = sun.take_away(k.u_rel, (k.level_u_rel, *k.level_effects))
     own_tilt = sun.take_away(sunshine.level_u_rel, sunshine.level_effects)
-    shared_tilt = add_effects((k.level_effects, sunshine.level_effects), (1.0, -1.0))
+    shared_tilt = results.add_effects((k.level_effects, sunshine.level_effects), (1.0, -1.0))
     same_gain = len(coefficient.gain_indices) <= 1 and coefficient.gain_indices == sunshine.gain_indices
     gain = 0.0 if same_gain else math.hypot(coefficient.gain_u_rel, sunshine.gain_u_rel)
     readings = sunshine.standard_uncertainty / sunshine.i_ss
@@ -190,7 +171,7 @@ def _doubt(
     own = readings_u_rel**2
     single, estimated = (own, 0.0) if sunshine is None or sunshine.is_single else (0.0, own)
     restless = estimated**2 / (sunshine.readings - 1.0) if estimated and sunshine else 0.0
-    return Doubt(k.single + single, k.restless + restless, coefficient.reading_dof or READING_DOF)
+    return Doubt(k.single + single, k.restless + restless, coefficient.reading_dof or results.READING_DOF)
 
 
 def _describe_outside(k: KAtTime) -> str:
@@ -239,7 +220,7 @@ def apply_features(
     header: FrameHeader,
     coefficients: Sequence[Coefficient],
     incidence_angle_deg: float | None = None,
-) -> AppliedReflectance:
+) -> results.AppliedReflectance:
     """Compute the reflectance of a region with its uncertainty; nothing is clipped to [0, 1]."""
     scale = find_scale_of_frame(header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg)
     value = features.i_sq * scale.factor
@@ -248,9 +229,11 @@ def apply_features(
         *(Effect(source=source, shared=True, effect=value * u_rel) for source, u_rel in scale.sources),
         Effect(source="pixel noise", shared=False, effect=noise),
     )
-    return AppliedReflectance(
+    return results.AppliedReflectance(
         band=features.band,
-        reflectance=Quantity(value, math.hypot(*(effect.effect for effect in effects)), REFLECTANCE_UNIT),
+        reflectance=Quantity(
+            value, math.hypot(*(effect.effect for effect in effects)), results.REFLECTANCE_UNIT
+        ),
         doubt=scale.doubt.scale(value),
         i_sq=features.i_sq,
         i_ss=scale.i_ss,
@@ -320,7 +303,7 @@ def change_reflectance(
 
 
 def extract(
-    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
+    frame: Frame, regions: Sequence[evidence.Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[imaging.Features]:
     if exposure is None:
         raise ValueError("a panel or field frame without its exposure")

@@ -8,15 +8,8 @@ from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
-from radiometry.frame import FrameHeader
-from radiometry.frame.multispectral import (
-    GainMeasurement,
-    LightBasis,
-    Multispectral,
-    SunshineCounts,
-    SunshineIrradiance,
-    SunshineRecord,
-)
+from radiometry.frame import FrameHeader, multispectral
+from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineIrradiance, SunshineRecord
 from radiometry.records import Record
 from radiometry.reflectance import codes
 from radiometry.reflectance.sun import (
@@ -56,7 +49,7 @@ ASSUMED_INTEGRATION_TIME_S = 0.1
 COUNTS_UNIT = "1/s"
 # Of a file's only reading: between a Sequoia at rest (0.2 %) and the bands of a RedEdge (4.7 %).
 SINGLE_READING_U_REL = 0.025
-_BASES: dict[str, LightBasis] = {
+_BASES: dict[str, multispectral.LightBasis] = {
     "spectral": "oriented",
     "horizontal": "horizontal",
     "compensated": "compensated",
@@ -178,7 +171,7 @@ def compare_channels(bands: Iterable[Multispectral]) -> Gain | None:
 
 
 def list_readings(
-    counts: SunshineCounts,
+    counts: multispectral.SunshineCounts,
     scales: Mapping[int, Gain] | None = None,
     *,
     tilt: Tilt | None = None,
@@ -299,7 +292,7 @@ class Sunshine(Record):
     spread_rel: float | None  # standard deviation of the valid ones; None for a single one
     flags: tuple[Raised, ...]
     oriented: float  # as the sensor was oriented
-    basis: LightBasis = "oriented"  # surface for which `i_ss` holds
+    basis: multispectral.LightBasis = "oriented"  # surface for which `i_ss` holds
     level_u_rel: float = 0.0  # from the sensor's attitude and the diffuse fraction
     level_effects: tuple[float, ...] = ()  # those of its parts that captures share (`list_level_effects`)
 
@@ -407,7 +400,9 @@ def _rounding_rel(chosen: Sequence[SunshineReading]) -> float:
     return math.sqrt(variance)
 
 
-def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, where: str) -> list[Raised]:
+def _flag_counts(
+    counts: multispectral.SunshineCounts, left_out: tuple[str, ...], total: int, where: str
+) -> list[Raised]:
     raised = []
     if left_out:
         detail = f"{len(left_out)} of {total}: {', '.join(sorted(set(left_out)))}."

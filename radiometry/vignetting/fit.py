@@ -11,20 +11,12 @@ from radiometry.findings import Raised, shared
 from radiometry.fitting import evidence
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark, flag_rendered
-from radiometry.vignetting import codes, falloff, points
+from radiometry.vignetting import codes, falloff, points, results
 from radiometry.vignetting.blocks import FrameRow
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
 from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
 from radiometry.vignetting.points import Candidate
-from radiometry.vignetting.results import (
-    DARK,
-    Coefficient,
-    Conventions,
-    Fit,
-    Params,
-    Threshold,
-    write_equation,
-)
+from radiometry.vignetting.results import Coefficient, Conventions, Fit, Params, Threshold, write_equation
 
 LIMITS = (0.02, 0.10)  # The falloffs about which the report asks
 
@@ -87,7 +79,10 @@ def _check_darkness(used: Sequence[Candidate], rows: Sequence[FrameRow], params:
         darks = [
             row
             for row in rows
-            if row.role == DARK and row.frame not in excluded and row.exposure and row.exposure.iso == iso
+            if row.role == results.DARK
+            and row.frame not in excluded
+            and row.exposure
+            and row.exposure.iso == iso
         ]
         found = {row.frame: reason for row in darks if (reason := find_not_dark(row)) is not None}
         flags += flag_not_dark(found, f"iso {iso:g}")

@@ -10,19 +10,10 @@ from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
 from radiometry.records import Record, about
+from store import tables
 from store.queries import group_by
 from store.queries.frame_times import find_time, read_zones
-from store.tables import (
-    AuditEntry,
-    Calibration,
-    Campaign,
-    CoefficientRow,
-    FrameRow,
-    Measurement,
-    Publication,
-    Revocation,
-    Slot,
-)
+from store.tables import AuditEntry, Calibration, CoefficientRow, FrameRow, Publication, Revocation, Slot
 
 VersionState = Literal["draft", "published", "superseded", "revoked"]
 
@@ -199,7 +190,7 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
     spec = get_method(calibration.method)
     if not spec.of_one_flight:
         return []
-    measured = select(Measurement.frame_id).where(Measurement.calibration_id == calibration.id)
+    measured = select(tables.Measurement.frame_id).where(tables.Measurement.calibration_id == calibration.id)
     to_measure = FrameRow.role.in_(spec.applied_role_names) & FrameRow.standing(calibration.campaign_id)
     wanted = or_(FrameRow.id.in_(measured), to_measure) & FrameRow.header.is_not(None)
     stated = session.scalars(select(FrameRow.header["taken_at"].as_string()).where(wanted).distinct())
@@ -209,7 +200,7 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
 
 def suggest_validity(session: Session, calibration: Calibration) -> tuple[datetime, datetime | None]:
     """Return when a version may be in force: of one flight until its frames' last day ends, in UTC."""
-    campaign = session.get_one(Campaign, calibration.campaign_id)
+    campaign = session.get_one(tables.Campaign, calibration.campaign_id)
     zones = read_zones(session, campaign)
     read = FrameRow.standing(campaign.id) & FrameRow.header.is_not(None)
     rows = select(FrameRow.header["taken_at"].as_string(), _SYSTEM).where(read)

@@ -14,24 +14,11 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from radiometry.records import Record, about
-from store import jobs
+from store import jobs, tables
 from store.queries import add
 from store.queries.frame_times import find_time, read_zones
 from store.queries.frames import Placed, extractor_of, region_ids
-from store.tables import (
-    Blob,
-    Campaign,
-    ChannelRow,
-    Crop,
-    Extraction,
-    FrameChange,
-    FrameRow,
-    Job,
-    Manifest,
-    Measurement,
-    Reading,
-    Roi,
-)
+from store.tables import Blob, Campaign, ChannelRow, Crop, Extraction, FrameRow, Job, Manifest, Reading, Roi
 from store.tables.base import new_id
 
 RENEWAL_LANE: Final = "renewal"  # of frames that are read again in the background
@@ -62,8 +49,8 @@ def count(session: Session, campaign: Campaign) -> Counts:
 
 
 def count_measured(session: Session, campaign: Campaign) -> int:
-    measured = select(func.count(Measurement.frame_id.distinct()))
-    return session.scalar(measured.where(Measurement.campaign_id == campaign.id)) or 0
+    measured = select(func.count(tables.Measurement.frame_id.distinct()))
+    return session.scalar(measured.where(tables.Measurement.campaign_id == campaign.id)) or 0
 
 
 def count_being_read(session: Session, campaign: Campaign) -> int:
@@ -214,8 +201,8 @@ def read_grid(
     """
     chosen = FrameRow.campaign_id == campaign.id
     if since is not None:
-        newer = (FrameChange.campaign_id == campaign.id) & (FrameChange.revision > since)
-        chosen &= FrameRow.id.in_(select(FrameChange.frame_id).where(newer))
+        newer = (tables.FrameChange.campaign_id == campaign.id) & (tables.FrameChange.revision > since)
+        chosen &= FrameRow.id.in_(select(tables.FrameChange.frame_id).where(newer))
     columns = select(*(column.label(name) for name, column in COLUMNS.items()))
     rows = session.execute(columns.where(chosen, FrameRow.id > after).order_by(FrameRow.id).limit(limit))
     frames = [dict(row._mapping) for row in rows]  # noqa: SLF001  the public name of a row's mapping

@@ -15,19 +15,9 @@ from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.methods import get_method
 from radiometry.records import Record, about
+from store import tables
 from store.queries.evidence import Evidence
-from store.tables import (
-    AuditEntry,
-    Calibration,
-    Campaign,
-    ChecklistSignature,
-    ChecklistTick,
-    Extraction,
-    FrameRow,
-    Reading,
-    Revocation,
-    Roi,
-)
+from store.tables import Calibration, Campaign, ChecklistSignature, ChecklistTick, FrameRow, Reading
 from store.tables.base import utc_now
 
 BY_ITSELF = "stilb"  # who ticked what follows from the record
@@ -153,7 +143,7 @@ def _gather_facts(session: Session, campaign: Campaign, evidence: Evidence) -> F
     for reading in evidence.readings:
         if reading.quantity == "luminance":
             readings[reading.scene].append(reading.value)
-    region = session.get_one(Roi, campaign.roi_id).points if campaign.roi_id else []
+    region = session.get_one(tables.Roi, campaign.roi_id).points if campaign.roi_id else []
     started = campaign.started_at
     return Facts(
         project_number=campaign.project_number,
@@ -194,7 +184,7 @@ def _frame_facts(frame: Any, header: FrameHeader) -> FrameFacts:  # noqa: ANN401
 
 
 def _newest_version(session: Session, campaign: Campaign) -> Calibration | None:
-    valid = Calibration.id.not_in(select(Revocation.calibration_id))
+    valid = Calibration.id.not_in(select(tables.Revocation.calibration_id))
     rows = select(Calibration).where(Calibration.campaign_id == campaign.id, valid)
     return session.scalar(rows.order_by(Calibration.version.desc()).limit(1))
 
@@ -232,11 +222,11 @@ def _iso_facts(version: Calibration, coefficient: Mapping[str, Any]) -> IsoFacts
 def _times(session: Session, campaign: Campaign) -> dict[str, datetime]:
     """Since when each part of the record is as it is; by an item's key where the audit trail knows that."""
     frames, version = FrameRow.campaign_id == campaign.id, _newest_version(session, campaign)
-    extractions = Extraction.frame_id.in_(select(FrameRow.id).where(frames))
+    extractions = tables.Extraction.frame_id.in_(select(FrameRow.id).where(frames))
     newest = {
         "frames": session.scalar(select(func.max(FrameRow.created_at)).where(frames)),
         "readings": session.scalar(select(func.max(Reading.created_at)).where(Reading.standing(campaign.id))),
-        "statistics": session.scalar(select(func.max(Extraction.created_at)).where(extractions)),
+        "statistics": session.scalar(select(func.max(tables.Extraction.created_at)).where(extractions)),
         "version": version.created_at if version else None,
         **_last_changes(session, campaign),
     }
@@ -253,6 +243,8 @@ def _last_changes(session: Session, campaign: Campaign) -> dict[str, datetime]:
         "roi_id": ["region"],
     }
     entries = session.scalars(
-        select(AuditEntry).where(AuditEntry.subject_id == campaign.id).order_by(AuditEntry.seq)
+        select(tables.AuditEntry)
+        .where(tables.AuditEntry.subject_id == campaign.id)
+        .order_by(tables.AuditEntry.seq)
     )
     return {key: entry.at for entry in entries for name in entry.after for key in named.get(name, [])}

@@ -15,24 +15,13 @@ from sqlalchemy.orm import Session
 from radiometry.fitting.curve import coverage_factor
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
+from store import tables
 from store.codec import read_applied
 from store.queries import by_id
 from store.queries.calibration_record import state_coefficients
 from store.queries.calibrations import coefficients_of
 from store.queries.frame_times import Zones, read_frame_time
-from store.tables import (
-    Base,
-    Calibration,
-    Camera,
-    CoefficientRow,
-    FrameRow,
-    MeasuredRow,
-    Measurement,
-    Publication,
-    ReadyAnswer,
-    ReadyCells,
-    ReadyRow,
-)
+from store.tables import Calibration, Camera, FrameRow, MeasuredRow, Measurement, Publication, ReadyRow
 
 Value = str | float | int | None
 
@@ -116,13 +105,13 @@ def write_ready(session: Session, publications: list[Publication]) -> None:
         make_ready(row, versions[row.calibration_id], coefficients[row.calibration_id])
         for row in publications
     ]
-    for table in (ReadyRow, ReadyAnswer, ReadyCells):
+    for table in (ReadyRow, tables.ReadyAnswer, tables.ReadyCells):
         session.execute(insert(table), [each[table] for each in made])
 
 
 def make_ready(
-    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
-) -> dict[type[Base], dict[str, Any]]:
+    publication: Publication, calibration: Calibration, coefficients: list[tables.CoefficientRow]
+) -> dict[type[tables.Base], dict[str, Any]]:
     """Return the columns of a publication's ready row, of its answer and of its cells, by table."""
     ready = {
         **{name: getattr(publication, name) for name in _PUBLISHED},
@@ -137,8 +126,8 @@ def make_ready(
     records = _write_records(publication, calibration, stated)
     return {
         ReadyRow: ready,
-        ReadyAnswer: _write_answer(publication, calibration, stated),
-        ReadyCells: {"publication_id": publication.id, "cells": records},
+        tables.ReadyAnswer: _write_answer(publication, calibration, stated),
+        tables.ReadyCells: {"publication_id": publication.id, "cells": records},
     }
 
 
