@@ -10,7 +10,7 @@ import sqlite3
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Final
 
@@ -70,10 +70,9 @@ def _copy_database(folder: Path, target: Path) -> Path:
     for path in (source, source.with_name(f"{_DATABASE}-wal")):
         if path.exists():
             shutil.copyfile(path, target / path.name)
-    with sqlite3.connect(copy) as connection:
+    with closing(sqlite3.connect(copy)) as connection:
         found = [row[0] for row in connection.execute("PRAGMA integrity_check(5)")]
         tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master")}
-    connection.close()
     if found != ["ok"]:
         raise _Unusable(f"it is cut or damaged: {'; '.join(found)}")
     if "blob" not in tables:

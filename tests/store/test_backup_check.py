@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from contextlib import closing
 
 import pytest
 
@@ -26,8 +27,11 @@ def test_a_whole_backup_is_told_from_one_that_lacks_files(house, tmp_path, capsy
     options = [] if house.database.is_sqlite else ["--database", address_of(house)]
     if house.database.is_sqlite:
         path = house.database.url.database
-        with sqlite3.connect(path) as source, sqlite3.connect(folder / "stilb.sqlite") as target:
-            source.backup(target)
+        with (
+            closing(sqlite3.connect(path)) as source,
+            closing(sqlite3.connect(folder / "stilb.sqlite")) as copy,
+        ):
+            source.backup(copy)
     before = files(folder)
     assert main([str(folder), *options]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
@@ -104,7 +108,7 @@ def test_what_is_no_backup_is_said(tmp_path, capsys):
 def test_the_files_may_be_in_a_bucket(copied, capsys):
     stored = put(ObjectBlobs("s3://raw/copy", copied / "cache"), b"a map")
     row = (stored.sha256, 5, "2026-05-01 00:00:00")
-    with sqlite3.connect(copied / "stilb.sqlite") as database:
+    with closing(sqlite3.connect(copied / "stilb.sqlite")) as database, database:
         database.execute("INSERT INTO blob (sha256, size_bytes, created_at) VALUES (?, ?, ?)", row)
     assert main([str(copied), "--blobs", "s3://raw/copy"]) == 0
     assert main([str(copied)]) == 1
