@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from html import escape
-from typing import Final, Self
+from typing import Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.text import shorten, write_tick
@@ -50,12 +50,6 @@ class Scale(Record):
         if self.logarithmic:
             low, high, at = math.log(low), math.log(high), math.log(value)
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
-
-    def part(self, low: float, high: float) -> Self:
-        first, last = (math.log(self.low), math.log(self.high)) if self.logarithmic else (self.low, self.high)
-        ends = (first + end * (last - first) for end in (low, max(high, low + 1e-3)))
-        low, high = map(math.exp, ends) if self.logarithmic else ends
-        return replace(self, low=low, high=high)
 
     def label(self, tick: float) -> str:
         if self.named is not None:

@@ -25,8 +25,6 @@ from store.queries import calibrations, fleet, group_by
 from store.queries.calibrations import Lifetime
 from store.tables import Calibration, Camera, CoefficientRow, Publication, utc_now
 
-Share = Annotated[float, Query(ge=-1, le=2)]
-
 _LEFT_PX, _RIGHT_PX, _TOP_PX, _NAME_PX = 66, 20, 14, 24
 _NAMES_SHARE: Final = 0.4
 _HEIGHT_PX: Final = {False: 188, True: 338}
@@ -34,13 +32,9 @@ _HEIGHT_PX: Final = {False: 188, True: 338}
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """How wide a chart's place is, and what is shown: shares of either axis of the whole."""
+    """How wide a chart's place is, and which figure is shown."""
 
     width: Annotated[int, Query(ge=240, le=2000)] = 900
-    x0: Share = 0.0
-    x1: Share = 1.0
-    y0: Share = 0.0
-    y1: Share = 1.0
     part: Annotated[int, Query(ge=0, le=99, description="Which figure of a plot that has several.")] = 0
 
 
@@ -56,7 +50,6 @@ def draw_figure(
     longest = min(14 + 7 * max((len(text) for _, text in names), default=0), int(_NAMES_SHARE * view.width))
     left = max(_LEFT_PX if shares_margin else 0, longest)
     panel = chart.place_figure(figure, (left, _TOP_PX, view.width - _RIGHT_PX, _TOP_PX + height))
-    panel = replace(panel, x=panel.x.part(view.x0, view.x1), y=panel.y.part(view.y0, view.y1))
     drawn, bottom = chart.draw_figure(figure, panel, in_print=False)
     picture = chart.document(
         drawn, width_px=view.width, height_px=math.ceil(bottom), label=label, style=chart.STYLE

@@ -136,11 +136,9 @@ def see_pixels_and_compare(page, dialog):
     for key in ("+", "+", "ArrowLeft"):
         page.keyboard.press(key)
     assert first.get_attribute("viewBox") == second.get_attribute("viewBox")
-    dialog.get_by_role("button", name="Blink").click()
-    expect(second).to_be_hidden()
-    dialog.get_by_role("button", name="Swap").click()
-    expect(first).to_be_hidden()
-    dialog.get_by_role("button", name="Blink").click()
+    for hidden in (first, second):
+        dialog.get_by_role("button", name="Blink").click()
+        expect(hidden).to_be_hidden()
 
 
 def go_back_and_forward(page, dialog, frame_id):
@@ -205,9 +203,10 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     withdrawn = page.get_by_role("row").filter(has_text="Withdrawn")
     expect(withdrawn.locator(".cell")).to_have_attribute("data-id", second)
     page.get_by_role("button", name="Select all").click()
-    page.get_by_label("Scene of the selected frames").fill("dawn")
-    page.get_by_role("button", name="Change", exact=True).click()
-    expect(page.get_by_text("6 frames changed")).to_be_visible()
+    page.get_by_role("button", name="Move…").click()
+    page.get_by_role("dialog").get_by_label("Scene").fill("dawn")
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("6 frames moved to dawn")).to_be_visible()
     assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dawn"}
 
 

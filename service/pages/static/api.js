@@ -6,9 +6,7 @@ import { byId, h } from "./dom.js";
 export class Problem extends Error {
   constructor(body) {
     super(body.detail);
-    Object.assign(this, { title: body.title, code: body.code, status: body.status, body });
-    this.retryable = Boolean(body.retryable);
-    this.fields = Object.fromEntries((body.errors ?? []).map((each) => [each.field.replace(/^body\./, ""), each.message]));
+    Object.assign(this, { title: body.title, code: body.code, status: body.status, retryable: Boolean(body.retryable) });
   }
 }
 
@@ -74,10 +72,10 @@ export function pathOf(address) {
   return pathname + search;
 }
 
-export async function all(path, { limit = 1000, atMost = Infinity } = {}) {
+export async function all(path) {
   const items = [];
-  let next = `${path}${path.includes("?") ? "&" : "?"}limit=${limit}`;
-  while (next && items.length < atMost) {
+  let next = `${path}${path.includes("?") ? "&" : "?"}limit=1000`;
+  while (next) {
     const page = await get(next);
     items.push(...page.items);
     next = page.next && pathOf(page.next);
@@ -135,7 +133,7 @@ export async function followJob(id, onProgress = () => {}, { signal } = {}) {
   }
 }
 
-/** Call `look` now and every so often while the page is seen; it may be slow, and may fail. Answers {stop, now}. */
+/** Call `look` now and every so often while the page is seen; it may be slow, and may fail. Answers what looks at once. */
 export function follow(look, { every = 3000 } = {}) {
   let timer;
   let stopped = false;
@@ -150,11 +148,11 @@ export function follow(look, { every = 3000 } = {}) {
       try {
         await look();
         delay = every;
-        tellLost(false);
+        tellLost("");
       } catch (error) {
         if (!error.code) throw error;
         delay = Math.min(delay * 2, LONGEST_MS);
-        tellLost(error.retryable);
+        tellLost(error.status === 401 ? "Your session has ended." : error.retryable ? "The service does not answer." : "");
       }
     }
     // one that was asked for meanwhile goes on instead; what takes long to answer is asked for less often
@@ -162,36 +160,22 @@ export function follow(look, { every = 3000 } = {}) {
   }
   const seen = () => !document.hidden && turn();
   document.addEventListener("visibilitychange", seen);
-  const stop = () => {
+  // another page is shown in this document (drop.js)
+  addEventListener("left", () => {
     stopped = true;
     clearTimeout(timer);
     document.removeEventListener("visibilitychange", seen);
-  };
-  // another page is shown in this document (drop.js)
-  addEventListener("left", stop, { once: true });
+  }, { once: true });
   turn();
-  return { stop, now: turn };
+  return turn;
 }
 
 /** While nothing comes any more, what is shown may be old: say so. */
-function tellLost(lost) {
+function tellLost(why) {
   const told = byId("lost");
-  if (lost && !told) document.body.append(h("p", { id: "lost", class: "note warn", role: "status" }, h("strong", {}, "The service does not answer. "), "The content may be outdated. It is updated automatically."));
-  if (!lost) told?.remove();
-}
-
-/** Answers may come in another order than they were asked for: only one that was asked for later than what is shown is taken. */
-export class Turns {
-  asked = 0;
-  taken = 0;
-  ask() {
-    return (this.asked += 1);
-  }
-  take(turn = this.asked) {
-    const newer = turn > this.taken;
-    if (newer) this.taken = turn;
-    return newer;
-  }
+  if (told?.dataset.why === why) return;
+  told?.remove();
+  if (why) document.body.append(h("p", { id: "lost", class: "note warn", role: "status", "data-why": why }, h("strong", {}, why), " The content may be outdated. It is updated automatically."));
 }
 
 export const pause = (ms) => new Promise((done) => setTimeout(done, ms));

@@ -56,23 +56,19 @@ export async function take(undo) {
   }
 }
 
-const ROUND = { cx: 9, cy: 9, r: 7.4, fill: "none", stroke: "currentColor", "stroke-width": 1.5 };
-const LINE = { fill: "none", stroke: "currentColor", "stroke-width": 1.5, "stroke-linecap": "round" };
-const SHAPES = {
-  good: [["circle", { cx: 9, cy: 9, r: 8, fill: "currentColor" }], ["path", { class: "in", d: "M5.2 9.3l2.6 2.6 5-5.4" }]],
-  warn: [["path", { d: "M9 1.2 17.4 16.4H.6z", fill: "currentColor", stroke: "currentColor", "stroke-linejoin": "round" }], ["path", { class: "in", d: "M9 6.6v4.6" }], ["circle", { class: "dot", cx: 9, cy: 13.7, r: 1.1 }]],
-  bad: [["rect", { x: 1.2, y: 1.2, width: 15.6, height: 15.6, rx: 2.5, fill: "currentColor" }], ["path", { class: "in", d: "M5.6 5.6l6.8 6.8M12.4 5.6l-6.8 6.8" }]],
-  wait: [["circle", ROUND], ["path", { ...LINE, d: "M9 5v4.3l2.8 1.8" }]],
-  out: [["circle", ROUND], ["path", { ...LINE, d: "M4 14L14 4" }]],
-  open: [["path", { d: "M9 .9 17.1 9 9 17.1 .9 9z", fill: "currentColor", stroke: "currentColor", "stroke-linejoin": "round" }], ["path", { class: "in", d: "M6.9 7.3a2.1 2.1 0 1 1 3.2 1.8c-.8.5-1.1.8-1.1 1.5" }], ["circle", { class: "dot", cx: 9, cy: 13, r: 1 }]],
-  gap: [["rect", { x: 1.5, y: 1.5, width: 15, height: 15, rx: 2.5, fill: "none", stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": "3 2" }], ["path", { ...LINE, d: "M9 5.5v7M5.5 9h7" }]],
-};
-
 /** mark("warn"), or mark("warn", "One frame to check") where no word beside it says so. */
-export const mark = (kind, label) =>
-  svg("svg", { class: `v ${kind}`, viewBox: "0 0 18 18", ...(label ? { role: "img", "aria-label": label } : { "aria-hidden": "true" }) }, ...SHAPES[kind].map(([name, attributes]) => svg(name, attributes)));
+export const mark = (kind, label) => svg("svg", { class: `v ${kind}`, ...(label ? { role: "img", "aria-label": label } : { "aria-hidden": "true" }) }, svg("use", { href: `#mark-${kind}` }));
 
 export const OUTCOMES = { pass: ["good", "Passes"], warn: ["warn", "Check"], fail: ["bad", "Fails"], pending: ["wait", "Waiting"] };
+
+/** A button that is pressed and released; `turn(isPressed)` hears of it. */
+export function toggle(text, turn, isPressed = false) {
+  const button = h("button", { type: "button", "aria-pressed": String(isPressed), onclick: () => {
+    button.ariaPressed = String(button.ariaPressed !== "true");
+    turn(button.ariaPressed === "true");
+  } }, text);
+  return button;
+}
 
 /** Buttons of [value, text], of which one is pressed; `pick(value)` hears which. */
 export function segments(label, options, chosen, pick) {
@@ -229,12 +225,17 @@ export function placeAfter(above, rows) {
 
 const turns = new WeakMap();
 
-/** Begin to load a region anew. Answers whether that is still what was asked for last: what comes late is not shown over it. */
-export function begin(region) {
+/** Ask anew for what somebody holds. Answers whether that is still what was asked for last: what comes late is not shown over it. */
+export function askLast(holder) {
   const turn = {};
-  turns.set(region, turn);
+  turns.set(holder, turn);
+  return () => turns.get(holder) === turn;
+}
+
+/** The same for a region, which is busy meanwhile. */
+export function begin(region) {
   region.setAttribute("aria-busy", "true");
-  return () => turns.get(region) === turn;
+  return askLast(region);
 }
 
 /** Load, then draw what `draw(value)` gives; on a problem say it, with a button to try again. */

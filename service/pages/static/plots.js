@@ -1,8 +1,8 @@
-// Charts: the service's SVG, with a card for each point, series that can be hidden, and a zoom.
+// Charts: the service's SVG, with a card for each point and series that can be hidden.
 
 import { send } from "./api.js";
 import { select } from "./ask.js";
-import { act, begin, failed, fill, h, segments, svg, toast } from "./dom.js";
+import { act, begin, failed, fill, h, segments, toast } from "./dom.js";
 
 const FINER = 2;
 
@@ -37,21 +37,17 @@ function save(picture, name) {
 }
 
 const MOST_TOLD = 3;
-const WHOLE = { x0: 0, x1: 1, y0: 0, y1: 1 };
 const RESTS_MS = 300;
 const watches = new WeakMap();
 const fit = (element) => Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
 
-/**
- * Draw the chart at an address, in the colours of the page; `drawn` is told of it each time.
- * A mouse that draws a rectangle zooms in, with Shift it moves what is shown, and a double click shows all again.
- */
-export async function plot(element, path, drawn = () => {}, view = WHOLE) {
-  const again = (seen) => plot(element, path, drawn, seen);
+/** Draw the chart at an address, in the colours of the page; `drawn` is told of it each time. */
+export async function plot(element, path, drawn = () => {}, part = 0) {
+  const again = (another = part) => plot(element, path, drawn, another);
   const isLast = begin(element);
   try {
     const width = fit(element);
-    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`);
+    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, part })}`);
     // its own styles are for those who save it; the page's policy forbids them
     const saved = await answer.text();
     const text = saved.replace(/<style>.*?<\/style>/s, "");
@@ -61,14 +57,13 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE) {
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
     const { parts, note } = chart.dataset;
-    fill(element, choose(JSON.parse(parts), view.part, (part) => again({ ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null, pictureButtons(saved, chart.getAttribute("aria-label")));
+    fill(element, choose(JSON.parse(parts), part, again), chart, note ? h("p", { class: "caption" }, note) : null, pictureButtons(saved, chart.getAttribute("aria-label")));
     explain(element, chart);
     offerSeries(chart);
-    offerZoom(chart, view, (shown) => again({ ...view, ...shown }));
-    redraw(element, width, () => again(view));
+    redraw(element, width, again);
     drawn(chart);
   } catch (error) {
-    if (isLast()) fill(element, failed(error, () => again(view)));
+    if (isLast()) fill(element, failed(error, () => again()));
   } finally {
     if (isLast()) element.removeAttribute("aria-busy");
   }
@@ -88,7 +83,7 @@ function redraw(element, width, again) {
   watch.observe(element);
 }
 
-function choose(parts, chosen = 0, show) {
+function choose(parts, chosen, show) {
   if (parts.length < 2) return null;
   const options = parts.map((part, place) => [place, part]);
   if (parts.length > 6) return select(options, { "aria-label": "Part", title: "Which of the plots is shown", onchange: ({ target }) => show(target.selectedIndex) }, chosen);
@@ -125,47 +120,3 @@ function offerSeries(chart) {
     });
   }
 }
-
-function offerZoom(chart, view, show) {
-  const box = chart.querySelector(".box");
-  let start;
-  const place = (event) => {
-    const { left, top, width, height } = box.getBoundingClientRect();
-    const inside = (share) => Math.min(1, Math.max(0, share));
-    return [inside((event.clientX - left) / width), inside(1 - (event.clientY - top) / height)];
-  };
-  const rectangle = svg("rect", { class: "zoom" });
-  chart.addEventListener("pointerdown", (event) => {
-    if (event.pointerType === "mouse" && event.button === 0) start = place(event);
-  });
-  chart.addEventListener("pointermove", (event) => {
-    if (!start) return;
-    const [end, [x, y, width, height]] = [place(event), ["x", "y", "width", "height"].map((name) => Number(box.getAttribute(name)))];
-    const [low, high] = [0, 1].map((axis) => [Math.min(start[axis], end[axis]), Math.max(start[axis], end[axis])]);
-    const sides = { x: x + low[0] * width, y: y + (1 - high[1]) * height, width: (low[1] - low[0]) * width, height: (high[1] - high[0]) * height };
-    for (const [name, value] of Object.entries(sides)) rectangle.setAttribute(name, event.shiftKey ? 0 : value);
-    chart.append(rectangle);
-  });
-  chart.addEventListener("pointerleave", () => ((start = undefined), rectangle.remove()));
-  chart.addEventListener("pointerup", (event) => {
-    rectangle.remove();
-    if (!start) return;
-    const [[x, y], [toX, toY]] = [start, place(event)];
-    start = undefined;
-    const [wide, high] = [view.x1 - view.x0, view.y1 - view.y0];
-    if (event.shiftKey) {
-      const [right, up] = [(x - toX) * wide, (y - toY) * high];
-      if (right || up) show(within({ x0: view.x0 + right, x1: view.x1 + right, y0: view.y0 + up, y1: view.y1 + up }));
-    } else if (Math.abs(x - toX) > 0.02 && Math.abs(y - toY) > 0.02) {
-      show({
-        x0: view.x0 + Math.min(x, toX) * wide,
-        x1: view.x0 + Math.max(x, toX) * wide,
-        y0: view.y0 + Math.min(y, toY) * high,
-        y1: view.y0 + Math.max(y, toY) * high,
-      });
-    }
-  });
-  chart.addEventListener("dblclick", () => show(WHOLE));
-}
-
-const within = (view) => Object.fromEntries(Object.entries(view).map(([name, share]) => [name, Math.min(2, Math.max(-1, share))]));

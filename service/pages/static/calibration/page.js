@@ -195,23 +195,12 @@ function noteFolds({ coefficients: rows, points, findings, inputs, diagnostics, 
   for (const [name, note] of Object.entries(notes)) fill(byId(`${name}-note`), note);
 }
 
-function showStatus(calibration) {
-  load(byId("version-status"), () => withSuccessor(calibration), drawStatus);
-  load(byId("history"),
-    async () => {
-      const found = await calibration;
-      return get(`/v1/cameras/${found.camera_id}/decisions`);
-    },
-    ({ items }) => drawHistory(items.filter((each) => each.calibration_id === id)),
-  );
-  load(byId("siblings"),
-    async () => {
-      const found = await calibration;
-      return [found, await all(`/v1/campaigns/${found.campaign_id}/calibrations`)];
-    },
-    ([found, versions]) => drawSiblings(found, versions),
-  );
-  calibration.then(
+/** What a decision changes, of the version as it is `now`. */
+function showStatus(now) {
+  load(byId("version-status"), () => withSuccessor(now), drawStatus);
+  load(byId("history"), async () => get(`/v1/cameras/${(await now).camera_id}/decisions`), ({ items }) => drawHistory(items.filter((each) => each.calibration_id === id)));
+  load(byId("siblings"), async () => [await now, await all(`/v1/campaigns/${(await now).campaign_id}/calibrations`)], (found) => drawSiblings(...found));
+  now.then(
     (found) => offerDecisions(found, (said) => (fill(byId("said"), said), showStatus(get(`/v1/calibrations/${id}`)))),
     () => {},
   );

@@ -1,7 +1,7 @@
 // The readings of a campaign, the organisation's meters, and how a typed value is recorded.
 
-import { OFFLINE, Turns, newOnce, post, send } from "../api.js";
-import { act, done, fill, h, remember } from "../dom.js";
+import { OFFLINE, newOnce, post, send } from "../api.js";
+import { act, askLast, done, fill, h, remember } from "../dom.js";
 import { counted, groupBy, inOrder } from "../format.js";
 import { about, optionsOf, select } from "../ask.js";
 import { nameOfMeter } from "./target.js";
@@ -21,7 +21,7 @@ const again = ({ scene, entered_value: value, entered_unit: unit, meter_id = nul
 export class ReadingBook extends EventTarget {
   constructor(state) {
     super();
-    Object.assign(this, { state, readings: [], byScene: new Map(), meters: [], unit: "cd/m2", meter_id: "", now: false, turns: new Turns(), turn: Promise.resolve() });
+    Object.assign(this, { state, readings: [], byScene: new Map(), meters: [], unit: "cd/m2", meter_id: "", now: false, turn: Promise.resolve() });
     /** By scene, what was typed last: {undo}, {same}, {waits, of}, {repeats} or {mine, theirs}. */
     this.told = new Map();
   }
@@ -56,9 +56,9 @@ export class ReadingBook extends EventTarget {
   }
 
   async refresh() {
-    const turn = this.turns.ask();
+    const isLast = askLast(this);
     const readings = await this.state.readings();
-    if (this.turns.take(turn)) Object.assign(this, { readings, byScene: groupBy(readings, (each) => each.scene) });
+    if (isLast()) Object.assign(this, { readings, byScene: groupBy(readings, (each) => each.scene) });
     this.draw();
   }
 

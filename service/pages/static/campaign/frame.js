@@ -1,23 +1,19 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
-import { get, patch, pause } from "../api.js";
-import { act, failed, fill, h, isPressed, lettersOn, mark, may, openDialog } from "../dom.js";
+import { get } from "../api.js";
+import { act, fill, h, isPressed, lettersOn, load, mark, may, openDialog } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, stateWords, time, typeset, words } from "../format.js";
 import { frameCell, kindOf, sayState } from "./rows.js";
-import { about, decimal, field, numberOf, select } from "../ask.js";
 import { lookPart } from "./look.js";
-import { EXPOSURE, askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
+import { askExposure, askWhere, leaveOut, withdraw } from "./moves.js";
 import { holdingFor, isRead, originOf } from "./state.js";
 import { viewerPart } from "./viewer.js";
 
 const MOST_BESIDE = 24;
-const PRESSED_MS = 50;
 
 /** Open a frame; `order` is that of the grid, `walked` hears of each other one, `back` of the one that was seen last. Answers {show, close}. */
 export function openFrame(state, first, { order, walked: goes, back }) {
   let id;
-  let again = 0;
-  let drawn;
   const [title, count, look, tell] = [h("h2", { id: "frame-name" }), h("span", { class: "muted small" }), h("div", { class: "look-at" }), h("div", { class: "tell" })];
   const others = h("div");
   const at = () => order.findIndex((frame) => frame.id === id);
@@ -37,14 +33,14 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     if (seen) viewer.show(frame, roi);
     // the viewer stays where it is: its buttons keep their focus
     if (!seen || !look.contains(viewer.element)) fill(look, seen ? viewer.element : unread(), others);
-    fill(others, beside(state, state.byId.get(id), show));
+    if (!isPressed(others)) fill(others, beside(state, state.byId.get(id), show));
     state.pictures.show();
   };
   const button = (text, onclick, attributes = {}) => h("button", { type: "button", class: "small-button", onclick, ...attributes }, text);
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
   // the same elements for every frame: a press is never lost to a redraw, and acts on the frame that is named
   const press = (work) => (event) => act(event.target, () => work(state, [id]));
-  const [move, out, gone] = [button("Move…", press(askWhere)), button("", press(leaveOut)), button("", press(withdraw), { class: "small-button danger" })];
+  const [move, enter, out, gone] = [button("Move…", press(askWhere)), button("Enter exposure…", press(askExposure)), button("", press(leaveOut), { title: "What is left out is kept, and not fitted or measured with the others" }), button("", press(withdraw), { class: "small-button danger", title: "What is withdrawn is hidden from the campaign, and can be restored" })];
   const region = button("", () => {
     goes("");
     dialog.close();
@@ -54,7 +50,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
   const dialog = h("dialog", { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), back(id)) },
     h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
     h("div", { class: "sheet-body" }, look, tell),
-    h("div", { class: "sheet-foot" }, h("p", { class: "actions" }, may("calibrate") ? [move, out, gone, region] : null, download), h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
+    h("div", { class: "sheet-foot" }, h("p", { class: "actions" }, may("calibrate") ? [move, enter, out, gone, region] : null, download), h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
   );
   const renew = () => show(id);
   state.on("frames", renew);
@@ -72,10 +68,9 @@ export function openFrame(state, first, { order, walked: goes, back }) {
   // a button that has just been disabled or replaced keeps no focus
   const keepFocus = () => dialog.open && (document.activeElement === document.body || document.activeElement.disabled) && dialog.focus();
 
-  async function show(wanted) {
+  function show(wanted) {
     const walked = wanted !== id;
     id = wanted;
-    const turn = (again += 1);
     const known = state.byId.get(id);
     title.textContent = known.filename;
     count.textContent = [known.scene, `${at() + 1} of ${order.length}`].filter(Boolean).join(" · ");
@@ -86,6 +81,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     gone.textContent = known.withdrawn ? "Restore" : "Withdraw";
     region.textContent = known.roi_origin === "found" ? "Draw another region" : "Draw a region on it";
     region.hidden = !known.thumbnail;
+    enter.hidden = known.exposure_time_s !== null || known.state === "received";
     download.href = `/v1/frames/${id}/content`;
     if (walked) {
       goes(id);
@@ -93,28 +89,14 @@ export function openFrame(state, first, { order, walked: goes, back }) {
       dialog.querySelectorAll(".act-failed").forEach((old) => old.remove());
       drawLook(known, null);
       fill(tell, verdict(known), exposure(known));
-      drawn = undefined;
     }
     keepFocus();
-    tell.setAttribute("aria-busy", "true");
-    try {
-      const [frame, roi] = await Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]);
-      if (turn === again) tell.removeAttribute("aria-busy");
-      // what is pressed or filled in is redrawn when that ends
-      while (turn === again && dialog.isConnected && (isPressed(dialog) || isFilledIn(tell))) await pause(PRESSED_MS);
-      const found = JSON.stringify([known, frame, roi?.id]);
-      if (turn !== again || found === drawn) return;
-      drawn = found;
+    load(tell, () => Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]), ([frame, roi]) => {
       const unfolded = tell.querySelector("details")?.open;
       drawLook(frame, roi);
-      fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame) : null, file(frame, unfolded));
-      keepFocus();
       if (isRead(frame)) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
-    } catch (error) {
-      if (turn === again) fill(tell, failed(error, () => show(id)));
-    } finally {
-      if (turn === again) tell.removeAttribute("aria-busy");
-    }
+      return [verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), file(frame, unfolded)];
+    }).then(keepFocus);
   }
 
   show(first);
@@ -122,7 +104,6 @@ export function openFrame(state, first, { order, walked: goes, back }) {
   return { show, close: () => dialog.close() };
 }
 
-const isFilledIn = (place) => [...place.querySelectorAll("input")].some((input) => input.value !== input.defaultValue);
 const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
 
 const unread = () => h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
@@ -152,29 +133,6 @@ function verdict(known, frame) {
 function exposure(frame) {
   const facts = [["Exposure", exposureTime(frame.exposure_time_s)], ["Aperture", frame.f_number ? `f/${number(frame.f_number, 3)}` : "–"], ["Sensitivity", frame.iso ? `ISO ${frame.iso}` : "–"]];
   return h("dl", { class: "shots" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
-}
-
-function change(state, known, frame) {
-  const scene = state.method.grid.rows === "scene" && state.method.roles.some((role) => role.name === known.role && role.has_scene)
-    ? select([...(known.scene ? [] : [["", "No scene: choose one"]]), ...[...new Set([...state.scenes, ...(state.book?.readings ?? []).map((each) => each.scene)])].map((name) => [name, name])], { onchange: (event) => act(event.target, () => changeFrames(state, [frame.id], { scene: event.target.value }, (named) => `${named} moved to ${event.target.value}.`)) }, known.scene ?? "")
-    : null;
-  return h("div", {},
-    h("h3", { class: "panel-title" }, "Change"),
-    scene ? field("Scene", scene, null, about("FrameChange", "scene")) : null,
-    frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
-    h("p", { class: "hint" }, `Left out: kept, not ${state.method.measures ? "measured with the others" : "fitted"}. Withdrawn: hidden from the campaign. Both can be undone.`),
-  );
-}
-
-function typedExposure(state, frame) {
-  const inputs = EXPOSURE.map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]);
-  const save = async () => {
-    const typed = Object.fromEntries(inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, numberOf(input)]));
-    await patch(`/v1/frames/${frame.id}`, typed);
-    for (const [, , input] of inputs) input.defaultValue = input.value;
-    await state.touch();
-  };
-  return h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, save)) }, h("div", { class: "fields" }, inputs.map(([name, label, input]) => field(label, input, null, about("FrameChange", name)))), h("p", { class: "actions" }, h("button", { type: "submit" }, "Read again")));
 }
 
 function file(frame, open = false) {

@@ -1,31 +1,18 @@
 // Above the grid: which frames are shown, how many are selected and what is done to them, and how typed readings were read.
 
 import { all } from "../api.js";
-import { select } from "../ask.js";
 import { OUTCOMES, act, byId, fill, h, lettersOn, mark, may, openDialog, turnLetters } from "../dom.js";
 import { number } from "../format.js";
-import { roleOptions } from "../methods.js";
 import { readingTools } from "./book.js";
-import { askExposure, changeFrames, leaveOut, withdraw } from "./moves.js";
+import { askExposure, askWhere, leaveOut, withdraw } from "./moves.js";
 import { askForMeter } from "./target.js";
 
 /** `chosen` are the ids; `after` is called when something was done. */
 function bulkForm(state, chosen, after) {
-  const role = select([["", "keep"], ...roleOptions(state.method)], { "aria-label": "Role of the selected frames", title: "What the frames show" });
-  const scene = h("input", { "aria-label": "Scene of the selected frames", title: "The light level or view that the frames show", placeholder: "keep", list: "scenes" });
-  const change = async () => {
-    const said = { ...(role.value ? { role: role.value } : {}), ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };
-    if (!Object.keys(said).length) return;
-    await changeFrames(state, [...chosen], said, (named) => `${named} changed.`);
-    after();
-  };
   const button = (text, work, attributes = {}) => h("button", { type: "button", ...attributes, onclick: (event) => act(event.target, async () => (await work(state, [...chosen]), after())) }, text);
   return [
     h("strong", { class: "bulk-count" }),
-    h("label", {}, "Role ", role),
-    h("label", {}, "Scene ", scene),
-    h("datalist", { id: "scenes" }, state.scenes.map((name) => h("option", { value: name }))),
-    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, change) }, "Change"), button("Exposure…", askExposure), button("Leave out", leaveOut), button("Withdraw", withdraw, { class: "danger" }), h("button", { type: "button", class: "quiet", onclick: after }, "Clear selection")),
+    h("span", { class: "actions" }, button("Move…", askWhere, { class: "primary" }), button("Exposure…", askExposure), button("Leave out", leaveOut), button("Withdraw", withdraw, { class: "danger" }), h("button", { type: "button", class: "quiet", onclick: after }, "Clear selection")),
   ];
 }
 

@@ -183,8 +183,6 @@ function keepPlace(scroller) {
 }
 
 const MARGIN = 3;
-/** Thumbnails are asked for when scrolling has come to rest for so long. */
-const REST_MS = 120;
 /** A grid that is higher scrolls by itself, so that the sections below it stay near. */
 const TALL_PX = 2000;
 
@@ -202,8 +200,6 @@ export function gridSection(state) {
   let named = false;
   let stale = true;
   let waiting = false;
-  let resting;
-  let scrolled = -Infinity;
 
   const body = h("tbody", { role: "rowgroup" });
   const head = h("thead", { role: "rowgroup" });
@@ -231,7 +227,6 @@ export function gridSection(state) {
     fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent.", ...(reads && may("calibrate") ? [h("button", { type: "button", onclick: typed.paste }, "Paste readings…")] : [])));
     for (const part of [tools, scroller, caption]) part.hidden = !some;
     model = layOut({ method, frames: state.frames, withdrawn: state.withdrawn, readings: book.readings, gaps: state.gaps, across: phone.matches ? 3 : 6, perCard: phone.matches ? CARDS : 0, unfolded, shows, showsGaps: !view.text && ["", "gap"].includes(view.outcome) });
-    pictures.arrange(model.order);
     if (view.outcome === "gap") model.lines = model.lines.filter((line) => line.cells.some((cell) => cell?.gap));
     offsets = [0];
     for (const line of model.lines) offsets.push(offsets.at(-1) + heightOf(line));
@@ -293,10 +288,7 @@ export function gridSection(state) {
     above.hidden = from === 0;
     below.hidden = to === model.lines.length;
     walker.setStop();
-    clearTimeout(resting);
-    pictures.put();
-    if (performance.now() - scrolled > REST_MS) pictures.show();
-    else resting = setTimeout(() => pictures.show(), REST_MS);
+    pictures.show();
   }
 
   function fold(pile) {
@@ -393,12 +385,8 @@ export function gridSection(state) {
     waiting = true;
     requestAnimationFrame(update);
   };
-  const flies = () => {
-    scrolled = performance.now();
-    soon();
-  };
-  scroller.addEventListener("scroll", flies, { passive: true });
-  addEventListener("scroll", flies, { passive: true });
+  scroller.addEventListener("scroll", soon, { passive: true });
+  addEventListener("scroll", soon, { passive: true });
   new ResizeObserver(soon).observe(scroller);
   phone.addEventListener("change", () => state.left || draw());
   body.addEventListener("focusout", () => {
@@ -408,15 +396,7 @@ export function gridSection(state) {
   document.addEventListener("keydown", (event) => !state.left && event.key === "?" && isCommand(event) && showKeys());
   book.addEventListener("change", draw);
   state.on("frames", draw);
-  state.on("open-frame", ({ detail }) => open(detail));
-  if (reads) {
-    let seen = "";
-    state.on("campaign", () => {
-      // somebody else's readings: the campaign says how many there are
-      if (seen !== String(state.campaign.readings)) book.refresh();
-      seen = String(state.campaign.readings);
-    });
-  }
+  if (reads) state.on("campaign", () => book.refresh());
   // "Enter readings", wherever it is offered, leads to the first scene without one; also where the address is that already
   document.addEventListener("click", (event) => {
     if (state.left || !event.target.closest('a[href="#readings"]')) return;

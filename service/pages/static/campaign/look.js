@@ -3,7 +3,6 @@
 import { pause, runJob } from "../api.js";
 import { failed, fill, h, svg, table } from "../dom.js";
 import { counted, fixed, number, percent } from "../format.js";
-import { areaOf, faultOf } from "./canvas.js";
 
 const SETTLE_MS = 350;
 const [WIDTH, HEIGHT] = [320, 120];
@@ -24,10 +23,9 @@ export function lookPart(onClipping) {
     asked.abort();
     asked = new AbortController();
     const { signal } = asked;
-    const fault = region.closed ? faultOf(region.points) : hintOf(region.points);
     element.classList.add("stale");
-    if (fault || !frame) {
-      told.textContent = fault ?? "Select a frame that has been read.";
+    if (!region.closed || !frame) {
+      told.textContent = frame ? hintOf(region.points) : "Select a frame that has been read.";
       fill(shown);
       onClipping(null);
       return;
@@ -37,7 +35,7 @@ export function lookPart(onClipping) {
       signal.throwIfAborted();
       const found = await runJob(`/v1/frames/${frame.id}/region`, { polygon: region.points }, told, "Reading the region", { signal });
       const clipped = found.clipping.cells.length ? "; red is clipped" : "";
-      told.textContent = `${number(Math.round(areaOf(region.points)), 9)} px² of ${frame.filename}, from raw values${clipped}`;
+      told.textContent = `From raw values of ${frame.filename}${clipped}`;
       fill(shown, histogram(found), rows(found.statistics));
       element.classList.remove("stale");
       onClipping(found.clipping);

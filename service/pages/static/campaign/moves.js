@@ -10,7 +10,7 @@ import { changeDetails } from "./details.js";
 const name = (state, ids) => (ids.length === 1 ? state.byId.get(ids[0]).filename : counted(ids.length, "frame"));
 
 /** What a file may not state, as a camera with a manual lens does not. */
-export const EXPOSURE = [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]];
+const EXPOSURE = [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]];
 
 const KEYS = ["role", "scene", "left_out", "withdrawn"];
 
@@ -49,17 +49,25 @@ export function moveTo(state, ids, { role, value, label }) {
   return changeFrames(state, ids, { role, ...(hasScene ? { scene: value ?? "" } : {}) }, (named) => `${named} moved to ${label}.`);
 }
 
+/** In which these frames differ, that is kept where nothing is said of it. */
 export function askWhere(state, ids) {
-  const [first] = ids.map((id) => state.byId.get(id));
-  const scenes = state.method.grid.rows === "scene";
+  const frames = ids.map((id) => state.byId.get(id));
+  const of = (key) => (frames.every((frame) => frame[key] === frames[0][key]) ? (frames[0][key] ?? "") : null);
+  const [role, scene] = [of("role"), of("scene")];
+  const inScenes = state.method.grid.rows === "scene";
+  const roles = [...(role === null ? [["", "keep"]] : []), ...roleOptions(state.method)];
   return ask({
     title: `Move ${name(state, ids)}`,
     fields: [
-      { name: "role", label: "Role", of: "FrameChange", options: roleOptions(state.method), value: first.role },
-      ...(scenes ? [{ name: "scene", label: "Scene", of: "FrameChange", value: first.scene ?? "", required: false, list: "scenes", autocomplete: "off", hint: `In use: ${state.scenes.slice(0, 12).join(", ") || "none"}` }] : []),
+      { name: "role", label: "Role", of: "FrameChange", options: roles, value: role ?? "", required: false },
+      ...(inScenes ? [{ name: "scene", label: "Scene", of: "FrameChange", value: scene ?? "", placeholder: scene === null ? "keep" : null, required: false, list: "scenes", autocomplete: "off", hint: `In use: ${state.scenes.slice(0, 12).join(", ") || "none"}` }] : []),
     ],
+    after: inScenes ? h("datalist", { id: "scenes" }, state.scenes.map((each) => h("option", { value: each }))) : null,
     submit: "Move",
-    action: ({ role, scene }) => changeFrames(state, ids, { role, ...(scenes ? { scene: scene?.trim() ?? "" } : {}) }, (named) => `${named} moved to ${scene?.trim() || `${roleLabel(role)} frames`}.`),
+    action: (values) => {
+      const said = { ...(values.role ? { role: values.role } : {}), ...(inScenes && (values.scene || scene !== null) ? { scene: values.scene?.trim() ?? "" } : {}) };
+      return changeFrames(state, ids, said, (named) => `${named} moved to ${said.scene || `${roleLabel(said.role ?? frames[0].role)} frames`}.`);
+    },
   });
 }
 
@@ -67,7 +75,7 @@ export function askExposure(state, ids) {
   return ask({
     title: `Exposure of ${name(state, ids)}`,
     fields: EXPOSURE.map(([key, label]) => ({ name: key, label, of: "FrameChange", required: false, inputmode: "decimal", autocomplete: "off" })),
-    after: h("p", { class: "hint" }, "What a file states itself is not replaced. Select some frames in the grid to enter another value for them."),
+    after: h("p", { class: "hint" }, `What a file states itself is not replaced.${ids.length > 1 ? " Select some frames in the grid to enter another value for them." : ""}`),
     submit: "Read again",
     action: async (values) => {
       const typed = Object.entries(values).map(([key, text]) => [key, readNumber(text)]);
@@ -92,8 +100,7 @@ export function mendButtons(state, code, frames) {
   if (!may("calibrate")) return [];
   const doing = (work) => (event) => act(event.target, work);
   const ids = frames.map((frame) => frame.id);
-  const one = () => state.dispatchEvent(new CustomEvent("open-frame", { detail: ids[0] }));
-  const enter = small("Enter exposure…", doing(() => (ids.length > 1 ? askExposure(state, ids) : one())));
+  const enter = small("Enter exposure…", doing(() => askExposure(state, ids)));
   const camera = small("Change camera…", doing(() => changeDetails(state)));
   return [
     ...({ wrong_camera: [camera], exposure_missing: [enter], exposure_implausible: [enter] }[code] ?? []),

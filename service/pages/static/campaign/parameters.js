@@ -1,8 +1,8 @@
 // The form of a fit's parameters, as the specification of its method states them.
 
 import { all } from "../api.js";
-import { h, load, wrong } from "../dom.js";
-import { day, number, percent, stateWords, unit, words } from "../format.js";
+import { h, load, prose, wrong } from "../dom.js";
+import { capital, day, number, percent, stateWords, unit, words } from "../format.js";
 import { decimal, field, manualLink, numberOf, select } from "../ask.js";
 
 const NONE = "none";
@@ -174,7 +174,7 @@ function versionPart(parameter, versions, value) {
     .filter((each) => each.state !== "revoked" || each.id === former)
     .map((each) => [each.id, `Version ${each.version}, ${stateWords(each.state)}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`]);
   const missing = former && !options.some(([id]) => id === former) ? [[former, "A version that is not there"]] : [];
-  const none = sentence(parameter.default_text || NONE);
+  const none = capital(parameter.default_text || NONE);
   const control = select([["", none], [IN_FORCE, "In force when the frames were taken"], ...options, ...missing], {}, former ?? "");
   return { element: field(parameter.label, control, sentenceOf(parameter), parameter.manual), read: () => control.value || undefined };
 }
@@ -203,12 +203,10 @@ function rangeOf(parameter) {
 function hintOf(parameter) {
   const range = rangeOf(parameter);
   const standing = parameter.default === undefined ? parameter.default_text : [parameter.default].flat().map((each) => typed(parameter, each)).join(" to ");
-  return [sentenceOf(parameter), range ? ` ${sentence(range)}.` : "", standing ? ` Empty: ${standing}.` : ""];
+  return [sentenceOf(parameter), range ? ` ${capital(range)}.` : "", standing ? ` Empty: ${standing}.` : ""];
 }
 
-const sentenceOf = ({ description }) => description.split("`").map((part, place) => (place % 2 ? h("code", {}, part) : part));
-
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const sentenceOf = ({ description }) => prose(description);
 
 const UNITS = { deg: "°", um: "µm" };
 

@@ -103,12 +103,8 @@ class Journal {
     if (row?.key) await this.run("readwrite", (store) => store.put({ ...row, upload }));
   }
 
-  remove(key) {
-    return this.run("readwrite", (store) => store.delete(`${this.campaignId} ${key}`));
-  }
-
-  async clear(keys) {
-    for (const key of keys) await this.remove(key);
+  async clear(...keys) {
+    for (const key of keys) await this.run("readwrite", (store) => store.delete(`${this.campaignId} ${key}`));
   }
 
   async run(mode, work) {
@@ -136,7 +132,6 @@ const AT_ONCE = 2;
 /** Small files, on a line that carries each within a second. A browser has six connections, and the page asks meanwhile. */
 const MOST_AT_ONCE = 4;
 const QUICK_MS = 1000;
-const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
 /** Longer than what a slow line holds under way needs. */
 const SILENT_MS = 120000;
@@ -213,18 +208,17 @@ export class UploadQueue extends EventTarget {
     this.pump();
     await this.journal.add(open.filter((item) => item.armed));
     // what was stopped or sent meanwhile is not to be sent after a reload
-    await this.journal.clear(open.filter((item) => !item.armed || ["sent", "there"].includes(item.state)).map((item) => item.key));
+    await this.journal.clear(...open.filter((item) => !item.armed || ["sent", "there"].includes(item.state)).map((item) => item.key));
   }
 
   async stop() {
     const held = this.items.filter((item) => item.armed && OPEN.includes(item.state));
     for (const item of held) {
       item.abort?.abort();
-      clearTimeout(item.timer);
       Object.assign(item, { armed: false, sent: 0, state: ["hashing", "asking"].includes(item.state) ? item.state : "ready" });
     }
     this.changed();
-    await this.journal.clear(held.map((item) => item.key));
+    await this.journal.clear(...held.map((item) => item.key));
   }
 
   /** The first refusal of its kind stops the rest: what one file suffers may await all of them. */
@@ -264,7 +258,7 @@ export class UploadQueue extends EventTarget {
       if (item.upload && item.state !== "sent") send("DELETE", item.upload).catch(() => {});
     }
     this.items = this.items.filter((item) => !items.includes(item));
-    await this.journal.clear(items.map((item) => item.key));
+    await this.journal.clear(...items.map((item) => item.key));
     this.changed();
   }
 
@@ -287,11 +281,11 @@ export class UploadQueue extends EventTarget {
     try {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
       this.progress(item, item.size);
-      Object.assign(item, { state: "sent", frameId: frame.id, attempts: 0 });
+      Object.assign(item, { state: "sent", frameId: frame.id });
       this.find();
       // of a line that breaks, what it carries in a second may be lost
       this.width = Date.now() - begunAt < QUICK_MS ? Math.min(this.width + 1, MOST_AT_ONCE) : AT_ONCE;
-      await this.journal.remove(item.key);
+      await this.journal.clear(item.key);
     } catch (error) {
       if (error.name === "AbortError") return;
       this.failed(item, error);
@@ -302,22 +296,19 @@ export class UploadQueue extends EventTarget {
   failed(item, error) {
     if (!item.upload) item.sent = 0;
     item.error = error.message;
-    if (error.code !== "offline") this.find();
-    if (!error.retryable) {
-      Object.assign(item, { state: "failed", armed: false });
-      this.refuse(item, error);
-      return;
+    if (error.retryable) {
+      item.state = "retrying";
+      return this.lose(error.code === "offline");
     }
-    item.state = "retrying";
-    this.width = AT_ONCE;
-    if (error.code === "offline") return this.lose();
-    item.attempts = (item.attempts ?? 0) + 1;
-    item.timer = setTimeout(() => (this.again(item), this.pump()), Math.min(1000 * 2 ** (item.attempts - 1), LONGEST_PAUSE_MS));
+    this.find();
+    Object.assign(item, { state: "failed", armed: false });
+    this.refuse(item, error);
   }
 
-  /** The connection is lost: all wait, and one file at a time looks for it. */
-  lose() {
-    this.lostSince ??= Date.now();
+  /** The service takes nothing, or there is no connection to it: all wait, and one file at a time looks for it. */
+  lose(isOffline) {
+    this.width = AT_ONCE;
+    if (isOffline) this.lostSince ??= Date.now();
     for (const each of this.items) if (each.state === "waiting") each.state = "retrying";
     this.looking ??= setInterval(() => {
       const first = this.items.find((each) => each.state === "retrying");
@@ -336,7 +327,6 @@ export class UploadQueue extends EventTarget {
   }
 
   again(item) {
-    clearTimeout(item.timer);
     if (item.state === "retrying") item.state = "waiting";
   }
 
@@ -393,7 +383,7 @@ export class UploadQueue extends EventTarget {
         const there = known.get(item.sha256);
         if (there && there.state !== "refused") {
           Object.assign(item, { state: "there", frameId: there.frame_id, sent: item.size });
-          await this.journal.remove(item.key);
+          await this.journal.clear(item.key);
         } else item.state = item.armed ? "waiting" : "ready";
         item.asked = false;
       }

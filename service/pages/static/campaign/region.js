@@ -3,7 +3,7 @@
 import { get, put } from "../api.js";
 import { act, byId, empty, fill, h, may, toast, wrong } from "../dom.js";
 import { inOrder } from "../format.js";
-import { RegionCanvas, RegionEditor, faultOf } from "./canvas.js";
+import { RegionCanvas, RegionEditor } from "./canvas.js";
 import { select } from "../ask.js";
 import { adviceOn, countOwn, holdingFor, startsEmpty } from "./state.js";
 import { imagejPart } from "./imagej-part.js";
@@ -154,8 +154,7 @@ function savePart(state, editor, frameOf) {
     const drawn = editor.regions.filter((region) => region.points.length);
     if (!drawn.length) throw wrong("Draw a region first.");
     for (const region of drawn) {
-      const fault = region.closed ? faultOf(region.points) : "The polygon is not closed: click its first corner again, or press Enter.";
-      if (fault) throw wrong(`${region.name || "The region"}: ${fault}`);
+      if (!region.closed) throw wrong(`${region.name || "The region"} is not closed: click its first corner again, or press Enter.`);
     }
     if (drawn.length === 1 && !drawn[0].name) return { polygon: drawn[0].points };
     return { regions: drawn.map((region, index) => ({ name: region.name || `part-${index + 1}`, polygon: region.points })) };

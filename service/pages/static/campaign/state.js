@@ -1,6 +1,7 @@
 // The state of the campaign, kept up to date while the page is visible; every part listens to the data that it shows.
 
-import { Turns, all, follow, get, getChanged, patch, pathOf } from "../api.js";
+import { all, follow, get, getChanged, patch, pathOf } from "../api.js";
+import { askLast } from "../dom.js";
 import { counted, natural } from "../format.js";
 
 const FIRST = 200;
@@ -14,7 +15,6 @@ export class CampaignState extends EventTarget {
     super();
     Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
-    this.turns = new Turns();
     this.pictures = new Pictures(this.path);
     // another page is shown in this document: what listens has gone
     addEventListener("left", () => (this.left = true), { once: true });
@@ -45,7 +45,7 @@ export class CampaignState extends EventTarget {
   }
 
   async touch() {
-    await this.following?.now();
+    await this.following?.();
   }
 
   async readRoi({ roi_id: id }) {
@@ -55,14 +55,14 @@ export class CampaignState extends EventTarget {
 
   /** One request while nothing happens: the tag changes with the campaign. What has changed since is read alone. */
   async look() {
-    const turn = this.turns.ask();
+    const isLast = askLast(this);
     const { tag, body } = await getChanged(`${this.path}/grid?limit=${REST}${this.since ? `&since=${this.since}` : ""}`, this.tag);
     if (!body) return;
     const pages = [body];
     for (let next = body.next; next; next = pages.at(-1).next) pages.push(await get(pathOf(next)));
     const campaign = await get(this.path);
     const roi = await this.readRoi(campaign);
-    if (!this.turns.take(turn)) return;
+    if (!isLast()) return;
     const roiChanged = roi?.id !== this.roi?.id;
     Object.assign(this, { campaign, roi, tag, since: body.since, complete: true });
     this.take(pages);
@@ -78,13 +78,13 @@ export class CampaignState extends EventTarget {
     this.gaps = pages[0].gaps;
     const known = new Map(pages[0].partial ? this.byId : []);
     for (const frame of every) known.set(frame.id, frame);
-    this.gather([...known.values()]);
+    this.gather(known);
   }
 
-  gather(every) {
-    this.frames = every.filter((frame) => !frame.withdrawn);
-    this.withdrawn = every.filter((frame) => frame.withdrawn);
-    this.byId = new Map(every.map((frame) => [frame.id, frame]));
+  gather(known) {
+    this.byId = known;
+    this.frames = [...known.values()].filter((frame) => !frame.withdrawn);
+    this.withdrawn = [...known.values()].filter((frame) => frame.withdrawn);
     this.tell("frames");
   }
 
@@ -98,10 +98,10 @@ export class CampaignState extends EventTarget {
       throw error;
     }
     // what was asked for before does not know of it
-    this.turns.take();
+    askLast(this);
     const { reason, left_out: out, ...shown } = said;
     for (const id of ids) Object.assign(this.byId.get(id), shown, "scene" in said ? { scene: said.scene || null } : {}, out === undefined ? {} : { left_out: out ? (reason ?? "") : null });
-    this.gather([...this.byId.values()]);
+    this.gather(this.byId);
     this.touch();
   }
 
@@ -155,7 +155,6 @@ export function holdingFor(state, frame) {
   return known.get(frame.roi_id);
 }
 
-/** Pictures of one request: a run of the grid's order, so that the same place is asked for in the same words, and found in the browser's cache. */
 const PICTURES_TOGETHER = 32;
 const MOST_KEPT = 2000;
 
@@ -163,26 +162,24 @@ const isSeen = (image) => {
   const { top, bottom } = image.getBoundingClientRect();
   return bottom > 0 && top < innerHeight;
 };
-const nameOf = (frame) => `${frame.id}.${frame.thumbnail}`;
 
 class Pictures {
   constructor(path) {
-    Object.assign(this, { path, order: [], places: new Map(), kept: new Map(), asking: false });
+    Object.assign(this, { path, kept: new Map(), asking: false });
   }
 
-  arrange(order) {
-    this.order = order;
-    this.places = new Map(order.map((frame, at) => [frame.id, at]));
-  }
-
-  /** Ask for the pictures that images lack, one run after the other: the first is there soonest on a slow line. */
+  /** Ask for the pictures that images lack, some after the others, and first for those that are seen. */
   async show() {
+    let lacking = this.put();
     if (this.asking) return;
     this.asking = true;
     try {
-      for (let lacking = this.put(); lacking.length; lacking = this.put()) await this.ask(this.runOf(lacking.find(isSeen) ?? lacking[0]));
+      for (; lacking.length; lacking = this.put()) {
+        const seen = lacking.filter(isSeen);
+        await this.ask((seen.length ? seen : lacking).slice(0, PICTURES_TOGETHER));
+      }
     } catch (error) {
-      // asked for again when the grid comes to rest the next time
+      // asked for again when the grid is drawn the next time
       if (!error.code) throw error;
     } finally {
       this.asking = false;
@@ -199,18 +196,12 @@ class Pictures {
     });
   }
 
-  /** The frame of an image with its neighbours, as far as they lack their pictures; alone where the grid does not show it. */
-  runOf({ dataset: { frame: id, name } }) {
-    const first = Math.floor(this.places.get(id) / PICTURES_TOGETHER) * PICTURES_TOGETHER;
-    const run = this.order.slice(first, first + PICTURES_TOGETHER).filter((frame) => frame.thumbnail && this.kept.get(frame.id)?.name !== nameOf(frame));
-    return run.some((frame) => nameOf(frame) === name) ? run : [{ id, thumbnail: name.slice(id.length + 1) }];
-  }
-
-  async ask(run) {
-    const { items } = await get(`${this.path}/thumbnails?${run.map((frame) => `of=${nameOf(frame)}`).join("&")}`);
+  async ask(images) {
+    const names = new Map(images.map(({ dataset: { frame, name } }) => [frame, name]));
+    const { items } = await get(`${this.path}/thumbnails?${[...names.values()].map((name) => `of=${name}`).join("&")}`);
     const found = new Map(items.map(({ frame_id: id, picture }) => [id, picture]));
     // what has no picture although it should is not asked for again
-    for (const frame of run) this.keep(frame.id, nameOf(frame), found.get(frame.id));
+    for (const [id, name] of names) this.keep(id, name, found.get(id));
   }
 
   keep(id, name, picture) {
@@ -227,6 +218,6 @@ class Pictures {
 }
 
 /** An image whose picture is to come; it has none while the frame was not read. */
-export const imageOf = (frame) => ({ "data-frame": frame.id, "data-name": nameOf(frame) });
+export const imageOf = (frame) => ({ "data-frame": frame.id, "data-name": `${frame.id}.${frame.thumbnail}` });
 
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (each) => each.charCodeAt(0));

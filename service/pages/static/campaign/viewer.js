@@ -104,7 +104,6 @@ class LargePicture extends PictureView {
   }
 }
 
-const BLINK_MS = 700;
 const MOST_LISTED = 200;
 /** Exposures that differ by less than camera and file state. */
 const SAME_EXPOSURE = 0.01;
@@ -113,8 +112,6 @@ const SAME_EXPOSURE = 0.01;
 export function viewerPart(state) {
   let frame = null;
   let points = null;
-  let blinking = false;
-  let timer;
   const same = (view) => {
     if (view.size.join() === other.size.join() && view.box.join() !== other.box.join()) other.look(view.box);
   };
@@ -129,15 +126,18 @@ export function viewerPart(state) {
   const pixels = press("100 %", () => picture.showPixels(points));
   const beside = press("Compare", () => compare(comparing() ? null : candidates()[0]));
   const chosen = select([], { "aria-label": "Frame to compare with", title: "Shown at the same place and zoom", onchange: () => compare(state.byId.get(chosen.value)) });
-  const blink = press("Blink", () => setBlinking(!blinking));
-  const swap = h("button", { type: "button", class: "small-button", onclick: () => turn() }, "Swap");
+  /** From the first press on one lies over the other, and each press shows the other one. */
+  const turn = () => {
+    pair.classList.add("stacked");
+    pair.classList.toggle("second");
+  };
+  const blink = h("button", { type: "button", onclick: turn }, "Blink");
   const named = [h("figcaption", { class: "small" }), h("figcaption", { class: "small" })];
   const figures = [h("figure", {}, picture.element, named[0], picture.caption), h("figure", {}, other.element, named[1], other.caption)];
   const pair = h("div", { class: "pair" }, figures);
-  const way = h("span", { class: "actions" }, chosen, h("span", { class: "segments" }, blink), swap);
+  const way = h("span", { class: "actions" }, chosen, h("span", { class: "segments" }, blink));
   const element = h("div", {}, pair, h("div", { class: "under-picture" }, h("div", { class: "segments", role: "group", "aria-label": "View" }, whole, pixels, beside), way));
 
-  const turn = () => pair.classList.toggle("second");
   const comparing = () => !figures[1].hidden;
   const candidates = () => state.frames.filter((each) => each.id !== frame?.id && isRead(each) && each.width_px === frame?.width_px && each.height_px === frame?.height_px).sort((a, b) => (b.scene === frame.scene) - (a.scene === frame.scene)).slice(0, MOST_LISTED);
 
@@ -146,23 +146,12 @@ export function viewerPart(state) {
     pixels.setAttribute("aria-pressed", String(!picture.isWhole && Math.abs(picture.scale - 1) < 0.02));
   }
 
-  /** One in the place of the other, by turns until it is pressed again; by hand alone for who wants no motion. */
-  function setBlinking(on) {
-    blinking = on;
-    clearInterval(timer);
-    if (on && !matchMedia("(prefers-reduced-motion: reduce)").matches) timer = setInterval(() => (element.isConnected ? turn() : clearInterval(timer)), BLINK_MS);
-    blink.setAttribute("aria-pressed", String(on));
-    pair.classList.toggle("stacked", on);
-    swap.hidden = !on;
-    if (!on) pair.classList.remove("second");
-  }
-
   async function compare(against) {
     figures[1].hidden = way.hidden = !against;
     beside.setAttribute("aria-pressed", String(Boolean(against)));
     named[0].textContent = against ? describe(frame) : "";
-    if (!against) return setBlinking(false);
-    pair.classList.remove("second");
+    pair.classList.remove("stacked", "second");
+    if (!against) return;
     const listed = candidates();
     chosen.replaceChildren(...listed.map((each) => h("option", { value: each.id, selected: each.id === against.id }, [each.filename, each.scene].filter(Boolean).join(" · "))));
     named[1].textContent = describe(against);

@@ -1,6 +1,7 @@
 // All measurements, newest first; two of a kind can be compared.
 
 import { all, get, pathOf } from "../api.js";
+import { optionsOf } from "../ask.js";
 import { titleOf as titleOfCampaign } from "../methods.js";
 import { act, byId, empty, failed, fill, h, load, may } from "../dom.js";
 import { measurementTable, titleOf } from "./words.js";
@@ -31,8 +32,7 @@ async function offerFilters() {
 }
 
 function offer(name, options) {
-  const select = form.elements[name];
-  select.append(...options.map(([value, text]) => h("option", { value, selected: value === asked.get(name) }, text)));
+  form.elements[name].append(...optionsOf(options, asked.get(name)));
 }
 
 function show() {

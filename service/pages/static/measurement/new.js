@@ -7,10 +7,9 @@ import { isRead } from "../campaign/state.js";
 import { causeList } from "../causes.js";
 import { act, byId, empty, failed, fill, h, leave, load, may } from "../dom.js";
 import { counted, day, groupBy, inOrder, stateWords } from "../format.js";
-import { labelOf, methodOf, titleOf } from "../methods.js";
+import { isNight, labelOf, methodOf, titleOf } from "../methods.js";
 import { measureOne, regionPart } from "./region.js";
 
-const LOOKED_AT = 6;
 const MOST_NAMED = 5;
 /** In place of a frame's id: every field frame of the campaign. */
 const ALL = "all";
@@ -36,7 +35,7 @@ async function begin() {
   const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
   if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();
-  const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
+  const first = wanted?.campaign_id ?? asked.get("campaign") ?? (able.find(isNight) ?? able[0])?.id;
   const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${labelOf(each.method)}` : titleOf(each)]), { onchange: () => turnTo(offerFrames) }, first);
   const frame = select([], { onchange: () => turnTo(() => choose(frame.value)) });
   const note = h("div");
@@ -61,18 +60,11 @@ async function begin() {
   }
   const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })), h("div", { id: "outcome" }));
   await turnTo(offerFrames);
-  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign, null, "Campaigns whose method measures; the one with the newest field frames is offered first."), field("Frame", frame, null, "Frames with the role field."), averagedField), note), rest);
+  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign, null, "Campaigns whose method measures; the newest measuring night is offered first."), field("Frame", frame, null, "Frames with the role field."), averagedField), note), rest);
 }
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
 const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && isRead(each)).reverse();
-
-/** What one wants to measure is most likely the newest flight, not a calibration begun since. */
-async function newestWithField(campaigns) {
-  const newest = campaigns.slice(0, LOOKED_AT);
-  const found = await Promise.all(newest.map(framesOf));
-  return newest.find((_, place) => found[place].length) ?? newest[0];
-}
 
 async function choose(id) {
   chosen.all = id === ALL;

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { field } from "../ask.js";
 import { drawFindings } from "../causes.js";
-import { act, budgetBar, byId, empty, failed, figure, fill, h, load, may, prose, segments, svg, table } from "../dom.js";
+import { act, budgetBar, byId, empty, failed, figure, fill, h, load, may, prose, segments, svg, table, toggle } from "../dom.js";
 import { capital, number, percent, quantity, relative, shortly, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
 import { MapView, drawGrid, loadMap, scaleTools } from "./map.js";
@@ -29,14 +29,13 @@ function regionTool(view, found, frame) {
   const preview = `/v1/frames/${frame.id}/preview.png`;
   let background = "map";
   const progress = h("span", { class: "muted", role: "status" });
-  const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Draw a region");
+  const button = toggle("Draw a region", turn);
   fill(byId("region-tools"), segments("Background", [["map", "Map"], ["picture", "Picture"]], background, (value) => part.paint((background = value) === "map" ? view.picture : preview)));
   fill(byId("region"), part.element, h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, measure) }, "Measure"), progress));
   view.onpaint = () => background === "map" && part.paint(view.picture);
   return button;
 
   function turn(on) {
-    button.setAttribute("aria-pressed", String(on));
     byId("region-section").hidden = !on;
     view.uncover(on);
     if (!on || button.dataset.begun) return;
@@ -60,13 +59,12 @@ function isolineTool(view, id) {
   const typed = h("input", { autocomplete: "off", spellcheck: "false", placeholder: "round ones", onchange: show });
   const told = h("div", { "aria-live": "polite" });
   const file = h("a", { class: "button", download: "" }, "GeoJSON");
-  const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Isolines");
+  const button = toggle("Isolines", turn);
   fill(byId("isolines-tools"), file);
   fill(byId("isolines"), field("Levels", typed, "Values separated by commas, such as 0.5, 1, 2. Empty: round ones.", "/docs/measuring#isolines"), told);
   return button;
 
   function turn(on) {
-    button.setAttribute("aria-pressed", String(on));
     byId("isolines-section").hidden = !on;
     if (on) show();
     else layer.replaceChildren();
@@ -78,7 +76,7 @@ function isolineTool(view, id) {
     file.href = `/v1/measurements/${id}/isolines.geojson?${query}`;
     try {
       const found = await get(`/v1/measurements/${id}/isolines.geojson?coordinates=pixel&${query}`);
-      if (button.getAttribute("aria-pressed") === "true") draw(found);
+      if (button.ariaPressed === "true") draw(found);
     } catch (error) {
       layer.replaceChildren();
       fill(told, failed(error, show));

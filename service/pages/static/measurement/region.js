@@ -1,7 +1,7 @@
 // Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
 import { post, runJob } from "../api.js";
-import { RegionCanvas, RegionEditor, faultOf } from "../campaign/canvas.js";
+import { RegionCanvas, RegionEditor } from "../campaign/canvas.js";
 import { about, choices, decimal, field, numberOf, readNumber } from "../ask.js";
 import { fill, h, leave, wrong } from "../dom.js";
 import { detailOf } from "../causes.js";
@@ -53,7 +53,7 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
   /** The cells over the picture, as soon as there are four corners. */
   function drawCells() {
     const points = editor.points;
-    const ready = kind in SIZES && points.length === 4 && !faultOf(points);
+    const ready = kind in SIZES && points.length === 4;
     const typed = (name) => readNumber(inputs[name].value);
     const laid = !ready ? null : kind === "grid" ? { corners: points, rows: typed("rows"), columns: typed("columns") } : laneGrid(points, { lanes: typed("lanes"), spacing: typed("spacing_m"), length: typed("length_m") || typed("spacing_m") });
     canvas.showCells(laid && [laid.rows, laid.columns].every((count) => count >= 1 && count <= 50) ? cellLines(laid) : []);
@@ -119,8 +119,7 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
     read() {
       if (kind === "set") return {};
       const { points } = editor;
-      const fault = points.length < 3 ? "Draw the region first: three corners or more." : faultOf(points);
-      if (fault) throw wrong(fault);
+      if (points.length < 3) throw wrong("Draw the region first: three corners or more.");
       if (kind === "drawn") return { roi: { polygon: points } };
       if (points.length !== 4) throw wrong(`A surface has four corners; ${points.length} are drawn.`);
       return { grid: grid() };

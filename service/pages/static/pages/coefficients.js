@@ -216,8 +216,7 @@ function drawCursors(chart, times) {
       ms = Math.min(high, Math.max(low, instantOf(state[name]) + days * (event.shiftKey ? 30 : 1) * DAY_MS));
       settle();
     });
-    // the plot's own drag magnifies
-    line.addEventListener("pointerdown", (event) => (event.stopPropagation(), line.setPointerCapture(event.pointerId)));
+    line.addEventListener("pointerdown", (event) => line.setPointerCapture(event.pointerId));
     line.addEventListener("pointermove", (event) => {
       if (!line.hasPointerCapture(event.pointerId)) return;
       const shown = chart.querySelector(".box").getBoundingClientRect();

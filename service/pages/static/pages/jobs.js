@@ -87,7 +87,7 @@ let campaigns = [];
 let operator = null;
 let operatorAt = -Infinity;
 
-const followed = follow(
+const look = follow(
   async () => {
     try {
       const [queue, ready, recent, { items: causes }] = await Promise.all([
@@ -103,12 +103,12 @@ const followed = follow(
       if (seen !== known && !isPressed(byId("failures"))) {
         await knowCampaigns([...recent.items, ...causes.map((cause) => cause.newest)]);
         known = seen;
-        show("failures", listFailures(causes, campaigns, () => followed.now()));
+        show("failures", listFailures(causes, campaigns, look));
         drawRecent(recent.items);
       }
     } catch (error) {
       byId("health").removeAttribute("aria-busy");
-      if (!known) for (const id of ["failures", "recent"]) show(id, failed(error, followed.now));
+      if (!known) for (const id of ["failures", "recent"]) show(id, failed(error, look));
       throw error;
     }
   },

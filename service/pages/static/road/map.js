@@ -1,7 +1,7 @@
 // The map of an evaluation from above: what lies under its lines, and a probe that reads E, U and L.
 
 import { get, post } from "../api.js";
-import { byId, fill, h, segments } from "../dom.js";
+import { byId, fill, h, segments, toggle } from "../dom.js";
 import { fixed, groupBy, number, percent, withUncertainty } from "../format.js";
 import { Scale, drawBar, probe } from "../measurement/map.js";
 import { placed } from "../measurement/surface.js";
@@ -49,12 +49,8 @@ export function drawMap(result) {
   const bar = h("div", { class: "map-bar" });
   const stage = h("div", { class: "map-stage" });
   fill(byId("map"), stage, said, bar, h("p", { class: "caption" }, `Ring: the minimum. Heavy line: limit of the class. Placed to ± ${number(result.grid.place_u_m, 2)} m; at most ${number(result.grid.place_limit_m, 2)} m is allowed. ${result.grid.points - result.grid.hidden} of ${result.grid.points} points visible.`));
-  const toggle = (name) => (event) => {
-    event.target.ariaPressed = String(!shown.delete(name));
-    if (event.target.ariaPressed === "true") shown.add(name);
-    paint();
-  };
-  fill(byId("layers"), segments("Ground", GROUNDS, ground, (name) => ((ground = name), paint())), h("div", { class: "segments", role: "group", "aria-label": "Show" }, LAYERS.map(([name, text]) => h("button", { type: "button", "aria-pressed": String(shown.has(name)), onclick: toggle(name) }, text))));
+  const layer = ([name, text]) => toggle(text, (on) => (on ? shown.add(name) : shown.delete(name), paint()), shown.has(name));
+  fill(byId("layers"), segments("Ground", GROUNDS, ground, (name) => ((ground = name), paint())), h("div", { class: "segments", role: "group", "aria-label": "Show" }, LAYERS.map(layer)));
   phone.onchange = paint;
   return paint();
 

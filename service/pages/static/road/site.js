@@ -1,7 +1,7 @@
 // A road over a picture of it: the marks that place the picture, and the site, moved by pointer, by keys or by what is typed.
 
 import { get, patch, post } from "../api.js";
-import { numberOf } from "../ask.js";
+import { numberOf, optionsOf } from "../ask.js";
 import { HandleView } from "../campaign/picture-view.js";
 import { small } from "../causes.js";
 import { act, byId, fill, h, may, segments, svg, toast, wrong } from "../dom.js";
@@ -150,7 +150,7 @@ export function drawSite(road, changed) {
 
   async function list() {
     const named = await Promise.all(draft.frames.map(({ frame_id: id }) => get(`/v1/frames/${id}`)));
-    fill(frames, named.map(({ id, filename }) => h("option", { value: id, selected: id === frame?.id }, filename)));
+    fill(frames, optionsOf(named.map(({ id, filename }) => [id, filename]), frame?.id));
   }
 
   async function choose(id) {
