@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AliasPath, Discriminator, Field, Tag, model_validator
+from pydantic import AliasPath, Discriminator, Field, Tag
 
 from radiometry.findings import Raised
 from radiometry.fleet import determinations, results
@@ -33,11 +33,9 @@ class NewPublication(models.Form):
     valid_to: Instant | None = maybe("After `valid_from`; without it, until another version replaces it.")
     reason: models.Reason = told("Who reviewed the version, and on what grounds; on the record.")
 
-    @model_validator(mode="after")
-    def _in_order(self) -> "NewPublication":
+    def check(self) -> None:
         if self.valid_to is not None and self.valid_to <= self.valid_from:
             raise ValueError("valid_to must lie after valid_from; validity is [valid_from, valid_to)")
-        return self
 
 
 class NewRevocation(models.Form):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import Depends, Query, Request, Response
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -56,8 +56,7 @@ class NewPoint(models.Form):
     std_dn: _Level | None = models.maybe("Else the largest that mean and range allow.")
     pixels: float = models.told("Number of samples; ImageJ's Area.", ge=1, le=1e9)
 
-    @model_validator(mode="after")
-    def _is_possible(self) -> "NewPoint":
+    def check(self) -> None:
         if not self.min_dn <= self.mean_dn <= self.max_dn:
             raise ValueError(
                 f"mean_dn {self.mean_dn:g} lies outside min_dn to max_dn, {self.min_dn:g} to {self.max_dn:g}"
@@ -66,7 +65,6 @@ class NewPoint(models.Form):
             raise ValueError("pixels is no whole number: in ImageJ, remove the scale (Analyze, Set Scale)")
         if self.dark == (self.scene is not None):
             raise ValueError("needs a scene, or dark yes without a scene")
-        return self
 
     @property
     def role(self) -> Literal["light", "dark"]:

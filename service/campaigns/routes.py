@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
-from pydantic import ConfigDict, Field, Strict, ValidationError, model_validator
+from pydantic import ConfigDict, Field, Strict, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -47,11 +47,9 @@ class ChecklistChange(Form):
     items: Annotated[list[ItemChange] | None, Field(min_length=1, max_length=1000)] = None
     signature: NewSignature | None = None
 
-    @model_validator(mode="after")
-    def _changes_something(self) -> "ChecklistChange":
+    def check(self) -> None:
         if self.items is None and self.signature is None:
             raise ValueError("give items, a signature, or both")
-        return self
 
 
 class ItemAnswer(Answer, restates=checklist.ChecklistItem):

@@ -9,7 +9,6 @@ from pydantic import (
     FailFast,
     Field,
     create_model,
-    model_validator,
 )
 
 from radiometry.methods import METHODS
@@ -178,12 +177,10 @@ class NewRoi(Form, one_of="polygon imagej regions"):
         "For sharpness; each name once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
     )
 
-    @model_validator(mode="after")
-    def _each_once(self) -> "NewRoi":
+    def check(self) -> None:
         names = [part.name for part in self.regions or []]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"each region's name once; given more than once: {', '.join(twice)}")
-        return self
 
 
 class RegionAnswer(Answer):
@@ -241,11 +238,9 @@ class NewReading(Form):
         max_length=200,
     )
 
-    @model_validator(mode="after")
-    def _unit_fits(self) -> "NewReading":
+    def check(self) -> None:
         if self.unit not in (fitting := _UNITS[self.quantity]):
             raise ValueError(f"{self.unit} is no unit of {self.quantity}: use {' or '.join(fitting)}")
-        return self
 
 
 class ReadingAnswer(

@@ -2,8 +2,6 @@
 
 from typing import Any, Literal
 
-from pydantic import model_validator
-
 from service.http import models
 from service.http.models import Name, maybe, told
 from store.queries.evidence import Offer
@@ -70,11 +68,9 @@ class Certificate(models.Form, models.Answer):
     )
     coverage_factor: models.Number = told("k of the expanded uncertainty U = k u; usually 2.", ge=1, le=10)
 
-    @model_validator(mode="after")
-    def _dates_in_order(self) -> "Certificate":
+    def check(self) -> None:
         if self.due_on < self.issued_on:
             raise ValueError("due_on lies before issued_on")
-        return self
 
 
 class NewMeter(models.Form):
@@ -122,12 +118,10 @@ class NewPanel(models.Form):
         "Each band once.", min_length=1, max_length=100, json_schema_extra=models.EACH_ONCE
     )
 
-    @model_validator(mode="after")
-    def _each_band_once(self) -> "NewPanel":
+    def check(self) -> None:
         names = [band.band for band in self.bands]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"each band once; given more than once: {', '.join(twice)}")
-        return self
 
     def columns(self) -> dict[str, Any]:
         """The table's columns; the bands in an order that does not depend on how they were sent."""

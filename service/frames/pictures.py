@@ -6,11 +6,11 @@ import io
 import logging
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import Annotated, Final, Self
+from typing import Annotated, Final
 
 from fastapi import Depends, Query, Request, Response
 from PIL import Image, ImageDraw
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
@@ -198,11 +198,9 @@ class NewCrop(models.Form):
     low_dn: _Level | None = maybe("Shown black. Default: the black level, or what is darker in the window.")
     high_dn: _Level | None = maybe("Shown white. Default: the window's brightest but a thousandth.")
 
-    @model_validator(mode="after")
-    def _range_is_one(self) -> Self:
+    def check(self) -> None:
         if self.low_dn is not None and self.high_dn is not None and self.low_dn >= self.high_dn:
             raise ValueError("high_dn must be above low_dn")
-        return self
 
 
 @router.post(

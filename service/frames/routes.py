@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 from fastapi import Query, Request, Response
-from pydantic import Field, model_validator
+from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -225,12 +225,10 @@ class CampaignOptics(Form):
     role: Role | None = maybe("Only frames of this role.")
     format: Literal["json", "csv"] = "json"
 
-    @model_validator(mode="after")
-    def _speed_and_height(self) -> "CampaignOptics":
+    def check(self) -> None:
         refuse_two_speeds(self)
         if (self.speed_m_s is None) != (self.distance_m is None):
             raise ValueError("a ground speed and distance_m are given together or not at all")
-        return self
 
     @property
     def speed_m_s(self) -> float | None:

@@ -174,11 +174,15 @@ class Form(BaseModel):
             needed: list[JsonValue] = [{"required": [name]} for name in cls._one_of]
             cls.model_config = cls.model_config | ConfigDict(json_schema_extra={"oneOf": needed})
 
+    def check(self) -> None:
+        """Raise a ValueError for what no field is alone at fault."""
+
     @model_validator(mode="after")
-    def _one_of_them(self) -> Self:
+    def _check_all(self) -> Self:
         if self._one_of and sum(getattr(self, name) is not None for name in self._one_of) != 1:
             *others, last = self._one_of
             raise ValueError(f"give either {', '.join(others)} or {last}")
+        self.check()
         return self
 
     @model_validator(mode="before")
@@ -200,14 +204,12 @@ class Form(BaseModel):
 class Period(Form):
     """A query of what lies between times: turned round, it would be empty without a word."""
 
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
+    def check(self) -> None:
         for first, last in (("start", "end"), ("computed_from", "computed_to")):
             since, until = getattr(self, first, None), getattr(self, last, None)
             if since is not None and until is not None and since > until:
                 named = [type(self).model_fields[each].alias or each for each in (first, last)]
                 raise ValueError(f"{named[0]} is later than {named[1]}, so that nothing lies between them")
-        return self
 
 
 class Answer(BaseModel):

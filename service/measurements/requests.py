@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Literal
 
 from fastapi import Depends
-from pydantic import ConfigDict, Field, JsonValue, ValidationError, create_model, model_validator
+from pydantic import ConfigDict, Field, JsonValue, ValidationError, create_model
 
 from radiometry.fitting.evidence import Region
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
@@ -61,13 +61,11 @@ class NewGrid(Form):
         "Standard uncertainty of each coordinate of a corner.", default=2.0
     )
 
-    @model_validator(mode="after")
-    def _cells_or_lanes(self) -> "NewGrid":
+    def check(self) -> None:
         cells, lanes = (self.rows, self.columns), (self.lanes, self.lane_width_m, self.spacing_m)
         told = [each is not None for each in (*cells, *lanes)]
         if told not in ([True] * 2 + [False] * 3, [False] * 2 + [True] * 3):
             raise ValueError("give either rows and columns, or lanes, lane_width_m and spacing_m")
-        return self
 
 
 CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}

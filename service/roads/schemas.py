@@ -22,11 +22,9 @@ class NewSite(models.model_of(site.Site, Form)):  # type: ignore[misc]
 class NewRequirement(models.model_of(site.Requirement, Form)):  # type: ignore[misc]
     """Class of the road and how the verdict takes the uncertainty into account."""
 
-    @model_validator(mode="after")
-    def _limits(self) -> "NewRequirement":
+    def check(self) -> None:
         if any(each.at_least is None and each.at_most is None for each in self.criteria or ()):
             raise ValueError("criteria: each needs at_least or at_most")
-        return self
 
 
 class NewConditions(models.model_of(site.Conditions, Form)):  # type: ignore[misc]
@@ -73,11 +71,9 @@ class RoadPoint(models.model_of(site.ControlPoint, Form), Answer):  # type: igno
             "values": [sent[name] for name in sorted(named)]
         }
 
-    @model_validator(mode="after")
-    def _unit_fits(self) -> "RoadPoint":
+    def check(self) -> None:
         if self.unit not in _UNITS[self.quantity]:
             raise ValueError(f"{self.quantity} is read in {' or '.join(_UNITS[self.quantity])}")
-        return self
 
 
 class SiteFeatures(Form):
@@ -100,12 +96,10 @@ class RoadChange(Form):
         "Names of grid points that a car or a tree hides.", max_length=grid.MOST_POINTS
     )
 
-    @model_validator(mode="after")
-    def _frames_once(self) -> "RoadChange":
+    def check(self) -> None:
         named = [each.frame_id for each in self.frames or ()]
         if len(set(named)) < len(named):
             raise ValueError("frames: each is stated once")
-        return self
 
 
 class NewRoad(RoadChange):

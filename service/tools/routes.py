@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Query, Request, Response
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from radiometry.tools import coverage, exponents, motion
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
@@ -151,10 +151,8 @@ class NewMotion(Form):
     ground_speed_km_h: Rate | None = models.maybe("In place of ground_speed_m_s, never with it.")
     limit_px: Limit = motion.USUAL_LIMIT_PX
 
-    @model_validator(mode="after")
-    def _one_speed(self) -> "NewMotion":
+    def check(self) -> None:
         refuse_two_speeds(self)
-        return self
 
     def case(self) -> motion.MotionCase:
         said = self.model_dump(exclude={"name", "ground_speed_km_h"})
