@@ -23,6 +23,7 @@ from sqlalchemy import ColumnElement, Date, collate, func, inspect, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from radiometry.records import Record
 from store import files, settings
 from store.audit import digest, digest_row, digest_value, name_part
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema
@@ -217,8 +218,7 @@ _MOST_LINES = 20
 _COLUMNS = tuple(AuditEntry.__table__.columns)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Head:
+class Head(Record):
     """The last links of all chains, as they are noted down: ``seq:sha256``, a number and a hash."""
 
     seq: int

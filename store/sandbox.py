@@ -11,9 +11,10 @@ import signal
 import sys
 from collections.abc import Callable
 from ctypes import c_uint8, c_uint16, c_uint32, c_uint64
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from radiometry.records import Record
 
 Instruction = tuple[int, int, int, int]  # code, jumps if true and false, value: the kernel's sock_filter
 
@@ -107,8 +108,7 @@ OPEN_FILES: Final = 16
 _LIMITS: Final = dict.fromkeys((resource.RLIMIT_CORE, resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC), 0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sandbox:
+class Sandbox(Record):
     """Restrictions that hold. ``landlock`` : the version in use, 0 for none."""
 
     no_new_privs: bool

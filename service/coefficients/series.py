@@ -6,7 +6,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
@@ -15,6 +14,7 @@ from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field, create_model
 
+from radiometry.records import Record
 from service.http import answers, auth, connections, lookup, models, paging, tables
 from service.http.context import Context
 from store.database import Database
@@ -28,8 +28,7 @@ Kind = Literal["text", "number", "count", "instant"]
 _CHUNK_BYTES = 1 << 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class Column:
+class Column(Record):
     name: str
     kind: Kind
     empty: str  # what JSON has where the cell is empty

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Request
@@ -12,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http import counts, models, problems, signatures
 from service.http.context import Context
 from store.queries import organisations
@@ -169,8 +169,7 @@ def require_any(caller: Caller, scopes: Sequence[Scope]) -> None:
         raise problems.Problem(interface.SCOPE_MISSING, detail)
 
 
-@dataclass(frozen=True)
-class Needs:
+class Needs(Record, kw_only=False):
     """The scopes of which an operation needs one: checked before the body is read (operations.py)."""
 
     scopes: tuple[Scope, ...]

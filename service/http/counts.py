@@ -15,6 +15,7 @@ from typing import Any, Final, TypeVar
 from sqlalchemy.exc import SQLAlchemyError
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http.problems import Problem
 from store.database import Database
 from store.queries.organisations import note_use
@@ -66,8 +67,7 @@ FORGOTTEN_AFTER_S: Final = 900.0
 _MOST_TOLD: Final = 500
 
 
-@dataclass(frozen=True)
-class _Failures:
+class _Failures(Record, kw_only=False):
     count: int
     last_at: float
 

@@ -1,13 +1,13 @@
 """Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import Path
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.interfaces import ORMOption
 
+from radiometry.records import Record
 from service.http import auth, problems
 from store.tables import Base, Campaign, FrameRow, Meter, Reading
 
@@ -16,8 +16,7 @@ Row = TypeVar("Row", bound=Base)
 Id = Annotated[str, Path(description="An opaque id, as another answer gave it.", examples=["abc_1"])]
 
 
-@dataclass(frozen=True)
-class Owned:
+class Owned(Record, kw_only=False):
     """Marks a row of the caller's that a route takes: `frame` is that of `frame_id` in its address."""
 
     for_update: bool = False

@@ -7,7 +7,6 @@ import hashlib
 import re
 import time
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -18,6 +17,7 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http import auth, connections, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
@@ -142,8 +142,7 @@ def _too_large(most: int) -> problems.Problem:
     return problems.Problem(interface.UPLOAD_TOO_LARGE, detail)
 
 
-@dataclass(frozen=True)
-class _Template:
+class _Template(Record, kw_only=False):
     path: str
     pattern: re.Pattern[str]
     methods: frozenset[str]

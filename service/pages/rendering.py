@@ -6,7 +6,6 @@ import mimetypes
 import posixpath
 import re
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -17,6 +16,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.calibrations.methods import describe_methods
 from service.calibrations.schemas import NewPublication, NewRevocation
 from service.campaigns import routes, schemas
@@ -159,8 +159,7 @@ def render(
     return HTMLResponse(html, status, headers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Page:
+class Page(Record):
     """A page for signed-in users."""
 
     request: Request

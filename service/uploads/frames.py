@@ -6,7 +6,7 @@ import binascii
 import re
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import PurePosixPath
 from typing import Final
@@ -257,8 +257,7 @@ _LONGEST_NAME: Final = 255  # as on file systems, some of which count bytes
 _LONGEST_EXTENSION: Final = 20
 
 
-@dataclass(frozen=True)
-class _Arrival:
+class _Arrival(Record, kw_only=False):
     """A frame whose file is stored, on its way into a campaign; its own region, if it has one."""
 
     campaign_id: str

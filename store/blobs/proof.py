@@ -2,11 +2,13 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Final, Literal
 
 import xxhash
+
+from radiometry.records import Record
 
 Damage = Literal["damaged", "missing"]
 
@@ -71,8 +73,7 @@ class PieceDigester:
         return b"".join([*self._done, *last])
 
 
-@dataclass(frozen=True)
-class StoredBlob:
+class StoredBlob(Record, kw_only=False):
     """A blob's name, its size, and a digest per MiB that proves any part of it."""
 
     sha256: str
@@ -80,8 +81,7 @@ class StoredBlob:
     digests: bytes = field(repr=False)
 
 
-@dataclass(frozen=True)
-class StoredFile:
+class StoredFile(Record, kw_only=False):
     """A blob as a real file, to be mapped and never written."""
 
     path: Path

@@ -4,7 +4,7 @@ import os
 import random
 import socket
 from collections.abc import Collection
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
 from store.pulse import is_running
 from store.queries import update_where
@@ -42,8 +43,7 @@ class LeaseLost(Exception):  # noqa: N818  it is what happened, not a fault
     """Another worker holds the job now: whatever this one computed is dropped."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Claim:
+class Claim(Record):
     """The right to work on a job, until the lease ends or the fence rises."""
 
     job_id: str

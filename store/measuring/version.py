@@ -1,7 +1,7 @@
 """Which version a frame is measured with, and which corrects a fit of another method."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from sqlalchemy import ColumnElement, select, true
@@ -13,6 +13,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.methods import METHODS, get_method
+from radiometry.records import Record
 from radiometry.specification.application import Correction, SurfaceApplication
 from store.codec import decode, encode, read_applied
 from store.database import Conflict
@@ -111,8 +112,7 @@ def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
     return held is None or said is None or held.casefold() == said.casefold()
 
 
-@dataclass(frozen=True)
-class _Light:
+class _Light(Record, kw_only=False):
     """A light frame that a fit would use. ``row``: as the fit sees it; ``header``: as its file says."""
 
     row: Any

@@ -4,7 +4,6 @@ import hashlib
 import json
 import secrets
 from collections.abc import Collection
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
@@ -21,8 +20,7 @@ UNNAMED_LABORATORY: Final = "Unnamed laboratory"
 _FOUNDING_NAME: Final = "operator"  # of the operator's organisation until it states its own
 
 
-@dataclass(frozen=True)
-class Person:
+class Person(Record, kw_only=False):
     """The person behind a key, as certificates name who fitted and who approved."""
 
     name: str
@@ -111,8 +109,7 @@ def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation]
     return (row[0], row[1]) if row else None
 
 
-@dataclass(frozen=True)
-class Who:
+class Who(Record, kw_only=False):
     """The right of a caller whose request lasts: a key, and the session of a browser."""
 
     key_id: str

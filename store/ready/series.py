@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, ClassVar
 
@@ -11,6 +10,7 @@ from sqlalchemy import ColumnElement, Select, func, literal, select, tuple_
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
+from radiometry.records import Record
 from store.database import Database, read_plainly
 from store.queries.calibrations import version_state
 from store.ready.rows import BODY, COLUMNS, FLAGS, STATE, is_plain, read_records, write_instant, write_record
@@ -25,8 +25,7 @@ PAGE = 2000  # rows that are read at once
 _ROWS = 250  # rows of a page: their cells stay in the processor's cache
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
+class Asked(Record):
     """Which rows of an organisation."""
 
     organisation_id: str
