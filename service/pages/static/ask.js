@@ -73,7 +73,6 @@ export function field(label, control, hint, help) {
   return h("p", { class: "field" }, h("span", { class: "label-row" }, named, asked), parts.about, control, parts.hint);
 }
 
-/** Boxes to tick under one heading; `help` opens behind a question mark. */
 export function boxes(heading, help, ...ticked) {
   const text = h("p", { class: "hint about", id: `field-${(count += 1)}-about`, hidden: true }, prose(help));
   return h("fieldset", {}, h("legend", {}, h("span", { class: "label-row" }, heading, aboutButton(heading, text))), text, ticked);

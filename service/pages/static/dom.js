@@ -91,7 +91,6 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** svg("path", {class: "mark", d: "M0 0h1"}, child): the same for a drawing. */
 export function svg(tag, attributes = {}, ...children) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);

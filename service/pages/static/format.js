@@ -22,7 +22,6 @@ export function number(value, digits = 4) {
   return grouped(Number(value.toPrecision(digits)).toString());
 }
 
-/** "1 frame", "3 frames" */
 export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
 /** A text of at most so many characters; names differ at their ends, so the middle goes. */
@@ -83,7 +82,6 @@ export const cameraName = ({ make, model, serial }) => `${make} ${model} ${seria
 /** The service's own sentences write for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC, cd/m2 cd/m², and 3% 3 %. */
 export const typeset = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC").replaceAll("cd/m2", "cd/m²").replace(/(\d)%/g, "$1 %");
 
-/** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {
   const seconds = (now - new Date(instant).getTime()) / 1000;
   return seconds < 0 ? `in ${span(-seconds)}` : seconds < 10 ? "just now" : `${span(seconds)} ago`;
@@ -113,7 +111,6 @@ export function exposureTime(seconds) {
 
 export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
-/** A code or a name of the API in words: "noise_high" is "noise high". */
 export const words = (name) => name.replaceAll("_", " ");
 
 export const isUsual = (flag) => flag === "meter_repeatability_estimated";
@@ -123,7 +120,6 @@ export const tag = (word, kind = KINDS[word] ?? "") => h("span", { class: `tag $
 
 export const stateWords = (state) => SAID[state] ?? words(state);
 
-/** Where the code alone would not be understood. */
 const SAID = {
   quarantined: "stopped after 3 attempts", superseded: "replaced", pass: "passes", fail: "fails", warn: "check", pending: "waiting",
   calibration_superseded: "calibration replaced", dark_exposure_differs: "dark frames at another exposure",
@@ -156,7 +152,6 @@ function grouped(text) {
 /** DJI_9 before DJI_10. */
 export const natural = new Intl.Collator(undefined, { numeric: true }).compare;
 
-/** The items by their names; those of one name as they were. */
 export const inOrder = (items, nameOf) => [...items].sort((a, b) => natural(nameOf(a), nameOf(b)));
 
 export function groupBy(items, keyOf) {
@@ -167,4 +162,24 @@ export function groupBy(items, keyOf) {
     groups.get(key).push(item);
   }
   return groups;
+}
+
+// ---- what the name of a quantity in the API says: its label and its unit
+
+const UNITS = { cycles_per_pixel: "cycles/px", w_m2_nm: "W/(m²·nm)", cd_m2: "cd/m²", deg_s: "°/s", km_h: "km/h", m_s: "m/s", px: "px", dn: "DN", dn2: "DN²", deg: "°", mm: "mm", um: "µm", s: "s", m: "m" };
+const HEADS = { iso: "ISO", i_sq: "I_SQ", i_ss: "I_SS", reflectance_k: "K", mtf50_cycles_per_pixel: "MTF50", fov_deg: "field of view" };
+/** Quantities that have a way of their own to be written. */
+export const WRITTEN = { at_s: ["taken", (value) => time(new Date(1000 * value).toISOString())], exposure_time_s: ["exposure", exposureTime], longest_exposure_s: ["longest exposure", exposureTime], f_number: ["f-number", (value) => `f/${number(value, 3)}`] };
+
+/** ["pixel pitch", "µm"] of pixel_pitch_um; a relative one is told in percent. */
+export function headOf(name) {
+  const suffix = Object.keys(UNITS).find((each) => name.endsWith(`_${each}`));
+  if (HEADS[name]) return [HEADS[name], suffix ? UNITS[suffix] : ""];
+  if (/_(rel|share)$/.test(name)) return [words(name.replace(/_(rel|share)$/, "")), "%"];
+  return suffix ? [words(name.slice(0, -suffix.length - 1)), UNITS[suffix]] : [words(name), ""];
+}
+
+export function titleOf([head, unit]) {
+  const said = head.replace(/^gsd\b/, "GSD");
+  return `${said.charAt(0).toUpperCase()}${said.slice(1)}${unit ? ` [${unit}]` : ""}`;
 }

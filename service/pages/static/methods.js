@@ -11,7 +11,6 @@ export const labelOf = (name) => methodOf(name).label;
 
 export const isNight = (campaign) => campaign.kind === "measurement";
 
-/** What a campaign is: its method, or a night of measurements. */
 export const kindOf = (campaign) => `${isNight(campaign) ? "Measuring night, " : ""}${labelOf(campaign.method)}`;
 
 /** A method in a night of measurements: field frames side by side, and nothing that a fit needs. */
@@ -40,13 +39,11 @@ export const startOf = (campaign) => day(campaign.started_at ?? campaign.created
 /** A campaign's name: its project number, or what it is and when it was begun. */
 export const titleOf = (campaign) => campaign.project_number ?? `${kindOf(campaign)}, ${startOf(campaign)}`;
 
-/** Of one that is known by its id. */
 export function nameOf(campaigns, id) {
   const found = campaigns.find((each) => each.id === id);
   return found ? titleOf(found) : "a campaign";
 }
 
-/** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
   return [
     row.iso != null ? `ISO ${row.iso}` : "",

@@ -2,39 +2,7 @@
 
 import { send } from "./api.js";
 import { select } from "./ask.js";
-import { act, begin, failed, fill, h, segments, toast } from "./dom.js";
-
-const FINER = 2;
-
-/** Buttons for a chart; `text` is its SVG with the styles of its own, on white. */
-function pictureButtons(text, name) {
-  const button = (label, says, action) => h("button", { type: "button", class: "quiet small-button", "aria-label": `${says}: ${name}`, onclick: (event) => act(event.target, action) }, label);
-  return h("p", { class: "picture-of" },
-    button("PNG", "Save as PNG", async () => save(await draw(text), `${name}.png`)),
-    // only there on https and localhost
-    globalThis.ClipboardItem ? button("Copy", "Copy the picture", () => navigator.clipboard.write([new ClipboardItem({ "image/png": draw(text) })]).then(() => toast("Picture copied."))) : null,
-  );
-}
-
-async function draw(text) {
-  const address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
-  try {
-    const picture = new Image();
-    picture.src = address;
-    await picture.decode();
-    const canvas = h("canvas", { width: FINER * picture.width, height: FINER * picture.height });
-    canvas.getContext("2d").drawImage(picture, 0, 0, canvas.width, canvas.height);
-    return await new Promise((done) => canvas.toBlob(done));
-  } finally {
-    URL.revokeObjectURL(address);
-  }
-}
-
-function save(picture, name) {
-  const address = URL.createObjectURL(picture);
-  h("a", { href: address, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(address), 60000);
-}
+import { begin, failed, fill, h, segments } from "./dom.js";
 
 const MOST_TOLD = 3;
 const RESTS_MS = 300;
@@ -47,17 +15,17 @@ export async function plot(element, path, drawn = () => {}, part = 0) {
   const isLast = begin(element);
   try {
     const width = fit(element);
-    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, part })}`);
+    const address = `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, part })}`;
+    const answer = await send("GET", address);
     // its own styles are for those who save it; the page's policy forbids them
-    const saved = await answer.text();
-    const text = saved.replace(/<style>.*?<\/style>/s, "");
+    const text = (await answer.text()).replace(/<style>.*?<\/style>/s, "");
     if (!isLast()) return;
     // nothing to draw: a card of its own goes, too
     if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
     const { parts, note } = chart.dataset;
-    fill(element, choose(JSON.parse(parts), part, again), chart, note ? h("p", { class: "caption" }, note) : null, pictureButtons(saved, chart.getAttribute("aria-label")));
+    fill(element, choose(JSON.parse(parts), part, again), chart, note ? h("p", { class: "caption" }, note) : null, saveLink(address, chart.getAttribute("aria-label")));
     explain(element, chart);
     offerSeries(chart);
     redraw(element, width, again);
@@ -68,6 +36,8 @@ export async function plot(element, path, drawn = () => {}, part = 0) {
     if (isLast()) element.removeAttribute("aria-busy");
   }
 }
+
+const saveLink = (href, name) => h("p", { class: "picture-of" }, h("a", { class: "button quiet small-button", href, download: `${name}.svg`, "aria-label": `Save as SVG: ${name}` }, "SVG"));
 
 /** Another width draws again once it stays: a telephone that is turned would show what nobody can read. */
 function redraw(element, width, again) {

@@ -18,7 +18,6 @@ function choose(frameId, name, isChosen) {
   showChosen();
 }
 
-/** In the table, in every plot and in the bar below. */
 function showChosen() {
   for (const each of document.querySelectorAll("[data-frame-id]")) each.classList.toggle("chosen", chosen.has(each.dataset.frameId));
   for (const box of document.querySelectorAll("tr[data-frame-id] input")) box.checked = chosen.has(box.closest("tr").dataset.frameId);

@@ -3,9 +3,8 @@
 import { parameterFacts } from "../campaign/parameters.js";
 import { smallLink } from "../causes.js";
 import { budgetBar, empty, filename, fill, h, may, segments, shorten, table } from "../dom.js";
-import { capital, counted, day, exposureTime, fixed, inOrder, number, percent, quantity, tag, time, withUncertainty, words } from "../format.js";
+import { WRITTEN, capital, counted, day, exposureTime, fixed, headOf, inOrder, number, percent, quantity, tag, time, titleOf, withUncertainty, words } from "../format.js";
 import { choiceLabel, coefficientLabel, methodOf, roleLabel } from "../methods.js";
-import { WRITTEN, headOf, titleOf } from "../names.js";
 
 /** Per ISO value, every model that was fitted; null where the method fits one alone. */
 export function drawModels({ diagnostics, method }) {

@@ -148,7 +148,6 @@ export class RegionCanvas extends HandleView {
     super.show(picture);
   }
 
-  /** Lines over the picture, each from one point to another. */
   showCells(lines) {
     this.cells.setAttribute("d", lines.map(([from, to]) => `M${from}L${to}`).join(""));
   }

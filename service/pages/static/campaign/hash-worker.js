@@ -20,6 +20,7 @@ async function hash(file) {
   return running.hex();
 }
 
+const fraction = (root) => ((root - Math.floor(root)) * 2 ** 32) | 0;
 const ROUNDS = primes(64).map((prime) => fraction(Math.cbrt(prime)));
 const START = primes(8).map((prime) => fraction(Math.sqrt(prime)));
 
@@ -80,9 +81,6 @@ export class Sha256 {
 
 const turn = (word, by) => (word >>> by) | (word << (32 - by));
 
-function fraction(root) {
-  return ((root - Math.floor(root)) * 2 ** 32) | 0;
-}
 
 function primes(count) {
   const found = [];

@@ -35,18 +35,15 @@ function apart(campaigns, cameras) {
 }
 
 function rows(campaigns, cameras, caption) {
-  return table(
-    [
-      { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
-      { head: "Method", cell: (each) => h("span", { class: "tag" }, labelOf(each.method)) },
-      { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
-      { head: "Recorded by", cell: (each) => each.recorder ?? "–" },
-      { head: "Place", cell: (each) => each.place ?? "–" },
-      { head: "Started", class: "nowrap", cell: startOf },
-    ],
-    campaigns,
-    { caption, stack: true },
-  );
+  const columns = [
+    { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
+    { head: "Method", cell: (each) => h("span", { class: "tag" }, labelOf(each.method)) },
+    { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
+    { head: "Recorded by", cell: (each) => each.recorder ?? "–" },
+    { head: "Place", cell: (each) => each.place ?? "–" },
+    { head: "Started", class: "nowrap", cell: startOf },
+  ];
+  return table(columns, campaigns, { caption, stack: true });
 }
 
 const nameOf = (each, cameras) => `${isNight(each) ? "Measuring night" : labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;

@@ -51,18 +51,15 @@ export function lookPart(onClipping) {
 const hintOf = (points) => (points.length ? `${counted(points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Click on the preview to set the first corner.");
 
 function rows(statistics) {
-  return table(
-    [
-      { head: h("span", { class: "hidden" }, "Channel"), header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
-      { head: "Mean", class: "number", cell: (row) => fixed(row.mean_dn, 1) },
-      { head: "Pixel scatter", class: "number", cell: (row) => fixed(row.std_dn, 1) },
-      { head: "Min", class: "number", cell: (row) => number(row.min_dn, 6) },
-      { head: "Max", class: "number", cell: (row) => number(row.max_dn, 6) },
-      { head: "Clipped", class: "number", cell: (row) => h("span", { class: row.saturated_share > 0.001 ? "bad-figure" : "" }, row.saturated_share ? percent(row.saturated_share) : "0") },
-    ],
-    statistics,
-    { caption: "Raw values of the region in DN" },
-  );
+  const columns = [
+    { head: h("span", { class: "hidden" }, "Channel"), header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
+    { head: "Mean", class: "number", cell: (row) => fixed(row.mean_dn, 1) },
+    { head: "Pixel scatter", class: "number", cell: (row) => fixed(row.std_dn, 1) },
+    { head: "Min", class: "number", cell: (row) => number(row.min_dn, 6) },
+    { head: "Max", class: "number", cell: (row) => number(row.max_dn, 6) },
+    { head: "Clipped", class: "number", cell: (row) => h("span", { class: row.saturated_share > 0.001 ? "bad-figure" : "" }, row.saturated_share ? percent(row.saturated_share) : "0") },
+  ];
+  return table(columns, statistics, { caption: "Raw values of the region in DN" });
 }
 
 function histogram({ histogram: { first_dn: first, step_dn: step, channels }, statistics }) {

@@ -65,7 +65,6 @@ function makeColumns(axes, rows, across) {
   return columns.length ? columns : makeColumns([], rows, across);
 }
 
-/** More frames than these in one cell are shown by their count. */
 const MOST_REPEATS = 4;
 
 function linesOf(row, axes, columns, { shows, perCard, unfolded }) {

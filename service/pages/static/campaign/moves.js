@@ -66,7 +66,8 @@ export function askWhere(state, ids) {
     submit: "Move",
     action: (values) => {
       const said = { ...(values.role ? { role: values.role } : {}), ...(inScenes && (values.scene || scene !== null) ? { scene: values.scene?.trim() ?? "" } : {}) };
-      return changeFrames(state, ids, said, (named) => `${named} moved to ${said.scene || `${roleLabel(said.role ?? frames[0].role)} frames`}.`);
+      const place = [said.role && said.role !== role && `${roleLabel(said.role)} frames`, said.scene].filter(Boolean).join(", ");
+      return changeFrames(state, ids, said, (named) => `${named} moved to ${place || `${roleLabel(frames[0].role)} frames`}.`);
     },
   });
 }

@@ -159,17 +159,14 @@ function list(found) {
     const of = [coefficient.iso && `ISO ${coefficient.iso}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
     return [quantity(coefficient), h("span", { class: "sub" }, [coefficientLabel(version.method, coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
   };
-  return table(
-    [
-      { head: "Version", header: true, class: "nowrap", cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
-      { head: "State", cell: (each) => tag(each.state) },
-      { head: "Result", cell: first },
-      { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
-      { head: "Created", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
-    ],
-    found,
-    { caption: "Versions fitted from this campaign" },
-  );
+  const columns = [
+    { head: "Version", header: true, class: "nowrap", cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
+    { head: "State", cell: (each) => tag(each.state) },
+    { head: "Result", cell: first },
+    { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
+    { head: "Created", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
+  ];
+  return table(columns, found, { caption: "Versions fitted from this campaign" });
 }
 
 const SHOWN = 100;

@@ -129,9 +129,8 @@ function open() {
 }
 
 const AT_ONCE = 2;
-/** Small files, on a line that carries each within a second. A browser has six connections, and the page asks meanwhile. */
+/** Of small files: a browser has six connections, and the page asks meanwhile. */
 const MOST_AT_ONCE = 4;
-const QUICK_MS = 1000;
 const STALLED_MS = 30000;
 /** Longer than what a slow line holds under way needs. */
 const SILENT_MS = 120000;
@@ -154,7 +153,6 @@ export class UploadQueue extends EventTarget {
     this.journal = new Journal(state.id);
     this.moved = [];
     this.refusal = null;
-    this.width = AT_ONCE; // so many small files at once
     this.accepted = new Set(); // codes of refusals despite which the rest is sent
     addEventListener("online", () => this.retryNow());
     // a phone that has slept does not know which of its connections still lead anywhere
@@ -267,7 +265,7 @@ export class UploadQueue extends EventTarget {
     for (const next of this.items) {
       if (next.state !== "waiting") continue;
       const small = [...sending, next].every((item) => item.size < WHOLE_BYTES);
-      if (sending.length >= (small ? this.width : AT_ONCE)) break;
+      if (sending.length >= (small ? MOST_AT_ONCE : AT_ONCE)) break;
       sending.push(next);
       this.sendOne(next);
     }
@@ -275,16 +273,13 @@ export class UploadQueue extends EventTarget {
   }
 
   async sendOne(item) {
-    const begunAt = Date.now();
-    Object.assign(item, { state: "sending", movedAt: begunAt });
+    Object.assign(item, { state: "sending", movedAt: Date.now() });
     item.abort = new AbortController();
     try {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id });
       this.find();
-      // of a line that breaks, what it carries in a second may be lost
-      this.width = Date.now() - begunAt < QUICK_MS ? Math.min(this.width + 1, MOST_AT_ONCE) : AT_ONCE;
       await this.journal.clear(item.key);
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -307,7 +302,6 @@ export class UploadQueue extends EventTarget {
 
   /** The service takes nothing, or there is no connection to it: all wait, and one file at a time looks for it. */
   lose(isOffline) {
-    this.width = AT_ONCE;
     if (isOffline) this.lostSince ??= Date.now();
     for (const each of this.items) if (each.state === "waiting") each.state = "retrying";
     this.looking ??= setInterval(() => {

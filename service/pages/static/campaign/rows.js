@@ -134,14 +134,10 @@ function rowsOf(book, readings) {
   return table(columns, readings, { caption: "Readings", row: (each) => ({ class: each.withdrawn_at ? "withdrawn" : "" }) });
 }
 
-/** The mark of a frame: that of its verdict, unless it was left out. */
-export const kindOf = (frame) => (frame.withdrawn || frame.left_out !== null ? "out" : OUTCOMES[frame.outcome][0]);
-
-export function sayState(frame) {
-  if (frame.withdrawn) return "Withdrawn";
-  if (frame.left_out !== null) return "Left out";
-  return OUTCOMES[frame.outcome][1];
-}
+/** The mark of a frame and its words: those of its verdict, unless it was left out. */
+const standingOf = (frame) => (frame.withdrawn ? ["out", "Withdrawn"] : frame.left_out !== null ? ["out", "Left out"] : OUTCOMES[frame.outcome]);
+export const kindOf = (frame) => standingOf(frame)[0];
+export const sayState = (frame) => standingOf(frame)[1];
 
 const sayExposure = (frame) => (frame.exposure_time_s ? `${exposureTime(frame.exposure_time_s)}, f/${number(frame.f_number, 3)}, ISO ${frame.iso}` : "no exposure");
 

@@ -135,7 +135,6 @@ function openPaste(book, scenes, { text = "", from = scenes[0] }) {
 
   function draw() {
     const cells = lines.value.trimEnd().split(/\r\n|\r|\n/);
-    // a column may have a heading
     const head = cells.length > 1 && /^[^\t\d][^\t]*\D$/.test(cells[0]) ? 1 : 0;
     const isColumn = cells.slice(head).every((cell) => /^\s*([\d.,+−-][^\t]*)?$/.test(cell));
     const blanks = (upTo) => cells.slice(0, upTo).filter((cell) => !cell.trim()).length;

@@ -104,7 +104,6 @@ function refuseLike(state, queue) {
   }
 }
 
-/** A row with its file, or with what is wrong with the zip in which it lies. */
 async function unpacked(row) {
   try {
     return { ...row, file: row.file ?? (await row.open?.()) };
@@ -208,7 +207,6 @@ const WAITS = { no_region: "waiting for a region", reading_missing: "waiting for
 
 const PASSES = { pass: "pass", warn: "to check", fail: "fail" };
 
-/** "pass", or what a received frame waits for. */
 function standingOf(state, item) {
   const { outcome, code } = state.byId.get(item.frameId) ?? {};
   return PASSES[outcome] ?? WAITS[code] ?? "in progress";

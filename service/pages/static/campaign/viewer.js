@@ -112,14 +112,12 @@ const SAME_EXPOSURE = 0.01;
 export function viewerPart(state) {
   let frame = null;
   let points = null;
-  const same = (view) => {
-    if (view.size.join() === other.size.join() && view.box.join() !== other.box.join()) other.look(view.box);
+  /** Two frames of one size are compared at one place. */
+  const align = (view, another) => {
+    if (comparing() && view.size.join() === another.size.join() && view.box.join() !== another.box.join()) another.look(view.box);
   };
-  const back = (view) => {
-    if (comparing() && view.size.join() === picture.size.join() && view.box.join() !== picture.box.join()) picture.look(view.box);
-  };
-  const other = new LargePicture({ label: `Frame to compare with. ${KEYS}`, tell: (view) => back(view), rangeOf: async (shown) => (isAlike(shown, frame) ? picture.range : null) });
-  const picture = new LargePicture({ label: `Frame. ${KEYS}`, tell: (view) => (told(), comparing() && same(view)) });
+  const other = new LargePicture({ label: `Frame to compare with. ${KEYS}`, tell: (view) => align(view, picture), rangeOf: async (shown) => (isAlike(shown, frame) ? picture.range : null) });
+  const picture = new LargePicture({ label: `Frame. ${KEYS}`, tell: (view) => (told(), align(view, other)) });
 
   const press = (text, onclick) => h("button", { type: "button", "aria-pressed": "false", onclick }, text);
   const whole = press("Fit", () => picture.fit());

@@ -5,7 +5,6 @@ import { post } from "../api.js";
 import { groupBy, natural } from "../format.js";
 import { isNight } from "../methods.js";
 
-/** Thresholds, as docs/pages.md states them. */
 export const LIMITS = {
   darkSignal: 0.002, // a centre below this share of the range from black to white is dark
   clipped: 0.01, // share of white pixels in the centre of an overexposed frame
@@ -148,7 +147,6 @@ export function findAsides(frames, rows) {
   return [...(cut.length ? [{ key: `cut ${cut.map((each) => each.key)}`, code: "cut", mark: "warn", frames: cut }] : []), ...found];
 }
 
-/** Metres between two frames; NaN where one has no place. */
 function distance({ header: { place: a } }, { header: { place: b } }) {
   return a && b ? 111e3 * Math.hypot(a[0] - b[0], (a[1] - b[1]) * Math.cos((a[0] * Math.PI) / 180)) : NaN;
 }

@@ -99,7 +99,6 @@ export class MapView {
     if (on) fill(this.said, "Click corners on the map, or start with a rectangle and move its corners with Tab and the arrow keys.");
   }
 
-  /** Paint the squares, or another layer of as many, in the colours of a scale. */
   show(scale, squares = this.map.squares, label = this.map.unit === "1" ? "" : unit(this.map.unit)) {
     const { canvas, map } = this;
     const painter = canvas.getContext("2d");
@@ -254,6 +253,7 @@ export const ANCHORS = [
   "#ca4e45", "#d8603c", "#e57334", "#ef872c", "#f79c27", "#fdb22c", "#ffc83f", "#ffde58", "#fff467",
 ];
 const UNKNOWN = [0, 200, 255];
+const parts = (hex) => [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16));
 
 const TABLE = Array.from({ length: 256 }, (_, index) => {
   const place = Math.min(index / 15, ANCHORS.length - 1);
@@ -313,8 +313,4 @@ function percentile(values, share) {
   if (!values.length) return 0;
   const sorted = Float64Array.from(values).sort();
   return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
-}
-
-function parts(hex) {
-  return [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16));
 }

@@ -11,7 +11,6 @@ import { isNight, labelOf, methodOf, titleOf } from "../methods.js";
 import { measureOne, regionPart } from "./region.js";
 
 const MOST_NAMED = 5;
-/** In place of a frame's id: every field frame of the campaign. */
 const ALL = "all";
 
 const asked = new URL(location.href).searchParams;

@@ -23,7 +23,6 @@ async function drawNight() {
   return items.length > 1 ? h("nav", { class: "strip", "aria-label": "Measurements of the same night" }, inTime.map(link)) : null;
 }
 
-/** The tool of one map: the button beside it, and the section `region-section` below it. */
 function regionTool(view, found, frame) {
   const part = regionPart({ place: (canvas) => view.cover(canvas.element), kinds: methodOf(found.method).measurement_options.includes("grid") ? ["drawn", "grid", "lanes"] : ["drawn"] });
   const preview = `/v1/frames/${frame.id}/preview.png`;
@@ -52,7 +51,6 @@ function regionTool(view, found, frame) {
   }
 }
 
-/** The tool of one map: the button beside it, and the section `isolines-section` below it. */
 function isolineTool(view, id) {
   const layer = svg("g", { class: "map-isolines" });
   view.over.insertBefore(layer, view.probe.cross);

@@ -53,7 +53,6 @@ const acts = new Map([...(form?.elements.action.options ?? [])].map((option) => 
 function readFilter() {
   const chosen = Object.fromEntries([...new FormData(form)].filter(([, value]) => value));
   if (chosen.from) chosen.from += "T00:00:00Z";
-  // up to and with this day
   if (chosen.to) chosen.to = new Date(Date.parse(`${chosen.to}T00:00:00Z`) + 86400000).toISOString();
   return new URLSearchParams(chosen);
 }

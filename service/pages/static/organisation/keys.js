@@ -16,17 +16,14 @@ function drawSessions(sessions) {
   const others = byId("end-others");
   others.hidden = !sessions.some((each) => !each.current);
   const order = (each) => (each.current ? Infinity : Date.parse(each.last_used_at ?? each.created_at));
-  return table(
-    [
-      { head: "Browser", header: true, cell: (each) => [h("span", { title: each.browser }, browserOf(each.browser ?? "")), each.current ? [" ", tag("this one", "good")] : null] },
-      { head: "Key", cell: (each) => each.key_name },
-      { head: "Signed in", cell: (each) => time(each.created_at) },
-      { head: "Last seen", cell: (each) => (each.current ? "now" : h("time", { datetime: each.last_used_at ?? each.created_at, title: "to ten minutes" }, ago(each.last_used_at ?? each.created_at))) },
-      { head: "", class: "number", cell: (each) => (each.current ? h("span", { class: "muted small" }, "sign out at the top") : endButton(each)) },
-    ],
-    sessions.sort((a, b) => order(b) - order(a)),
-    { caption: "Sessions", stack: true },
-  );
+  const columns = [
+    { head: "Browser", header: true, cell: (each) => [h("span", { title: each.browser }, browserOf(each.browser ?? "")), each.current ? [" ", tag("this one", "good")] : null] },
+    { head: "Key", cell: (each) => each.key_name },
+    { head: "Signed in", cell: (each) => time(each.created_at) },
+    { head: "Last seen", cell: (each) => (each.current ? "now" : h("time", { datetime: each.last_used_at ?? each.created_at, title: "to ten minutes" }, ago(each.last_used_at ?? each.created_at))) },
+    { head: "", class: "number", cell: (each) => (each.current ? h("span", { class: "muted small" }, "sign out at the top") : endButton(each)) },
+  ];
+  return table(columns, sessions.sort((a, b) => order(b) - order(a)), { caption: "Sessions", stack: true });
 }
 
 const endButton = (each) => {

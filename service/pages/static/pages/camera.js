@@ -68,7 +68,6 @@ async function drawDrift() {
   });
 }
 
-/** The verdict on the stability of every coefficient of the method, over its campaigns. */
 function verdicts(parameters, method) {
   const columns = [
     { head: "Coefficient", header: true, cell: (row) => named(row, method) },
@@ -117,7 +116,4 @@ function drawing({ method, version, calibration_id: id }) {
   return figure;
 }
 
-function validity(each) {
-  if (!each.valid_from) return "";
-  return h("span", { class: "nowrap" }, `${day(each.valid_from)} – ${each.valid_to ? day(each.valid_to) : "open"}`);
-}
+const validity = ({ valid_from: from, valid_to: to }) => (from ? h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`) : "");

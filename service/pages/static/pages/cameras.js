@@ -18,20 +18,15 @@ const show = () => load(region, () => Promise.all([all("/v1/cameras"), get("/v1/
 });
 
 const columns = [
-  {
-    head: "Camera",
-    header: true,
-    cell: ({ camera, first }) =>
-      first
-        ? h("span", {}, h("a", { href: `/cameras/${camera.id}` }, `${camera.make} ${camera.model}`), h("br"), h("span", { class: "mono small muted" }, camera.serial))
-        : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`),
-  },
+  { head: "Camera", header: true, cell: ({ camera, first }) => (first ? linkTo(camera) : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`)) },
   { head: "In force", cell: ({ held }) => (held ? labelOf(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
   { head: "Coefficient ± U (95 %)", cell: ({ held }) => (held ? headlines(held) : "") },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
+
+const linkTo = ({ id, make, model, serial }) => h("span", {}, h("a", { href: `/cameras/${id}` }, `${make} ${model}`), h("br"), h("span", { class: "mono small muted" }, serial));
 
 /** A camera's lines: one a version in force, or one that says that there is none. */
 function linesOf(camera, rows) {

@@ -21,7 +21,6 @@ function form(models, rows) {
   const model = h("select", { id: "model" }, models.map(([name]) => h("option", { selected: name === wanted }, name)));
   const method = h("select", { id: "method" }, METHODS.map((each) => h("option", { value: each.name }, each.label)));
   const said = h("p", { class: "small muted" });
-  /** The method that most of the model's cameras have a version of. */
   const offerMethod = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
     const known = (name) => cameras.filter((camera) => versions(camera, name)).length;

@@ -113,18 +113,15 @@ load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) 
   const begun = works.filter(({ measured, versions }) => !measured && versions.every((version) => version.state === "draft"));
   if (!begun.length) return empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration, or the frames of a measuring night.");
   const camera = (campaign) => bodies.find((each) => each.id === campaign.camera_id);
-  return table(
-    [
-      { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, kindOf(campaign))] },
-      { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
-      { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
-      { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
-      { head: "Missing", cell: ({ campaign }) => lackOf(causesOf(campaign, "error")) },
-      { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
-    ],
-    begun.slice(0, AT_MOST),
-    { caption: "Campaigns in progress", stack: true },
-  );
+  const columns = [
+    { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, kindOf(campaign))] },
+    { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
+    { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
+    { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
+    { head: "Missing", cell: ({ campaign }) => lackOf(causesOf(campaign, "error")) },
+    { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
+  ];
+  return table(columns, begun.slice(0, AT_MOST), { caption: "Campaigns in progress", stack: true });
 });
 
 load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]) => {
@@ -133,12 +130,12 @@ load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]
   const methods = METHODS.filter((method) => held.some((row) => row.method === method.name));
   const of = (camera, method) => held.find((row) => row.camera_id === camera.id && row.method === method.name);
   const oldest = (camera) => held.filter((row) => row.camera_id === camera.id).map((row) => row.valid_from).sort()[0];
-  const columns = methods.map((method) => ({ head: method.label, cell: (camera) => version(of(camera, method)) }));
-  return table(
-    [{ head: "Camera", header: true, cell: (camera) => h("a", { href: `/cameras/${camera.id}` }, `${camera.model} ${camera.serial}`) }, ...columns, { head: "Oldest", class: "number", cell: (camera) => (oldest(camera) ? ago(oldest(camera)).replace(" ago", "") : h("span", { class: "muted" }, "none in force")) }],
-    bodies.slice(0, AT_MOST),
-    { caption: "Versions in force, with U (95 %)", stack: true },
-  );
+  const columns = [
+    { head: "Camera", header: true, cell: (camera) => h("a", { href: `/cameras/${camera.id}` }, `${camera.model} ${camera.serial}`) },
+    ...methods.map((method) => ({ head: method.label, cell: (camera) => version(of(camera, method)) })),
+    { head: "Oldest", class: "number", cell: (camera) => (oldest(camera) ? ago(oldest(camera)).replace(" ago", "") : h("span", { class: "muted" }, "none in force")) },
+  ];
+  return table(columns, bodies.slice(0, AT_MOST), { caption: "Versions in force, with U (95 %)", stack: true });
 });
 
 /** Nothing is there yet: what comes, in place of three empty lists. */

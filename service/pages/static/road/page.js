@@ -27,7 +27,6 @@ byId("type")?.addEventListener("click", async () => (await typePoints(own)) && s
 byId("evaluate")?.addEventListener("click", (event) => act(event.target, () => evaluate()));
 show().then(() => road && drawSite(road, show));
 
-/** What was changed is evaluated at once. */
 async function evaluate(changed) {
   await changed;
   await runJob(`${own}/evaluate`, undefined, byId("progress"), "Evaluating");

@@ -2,9 +2,8 @@
 
 import { send } from "../api.js";
 import { act, byId, fill, h, prose, table, wrong } from "../dom.js";
-import { number, quantity, tag } from "../format.js";
+import { WRITTEN, headOf, number, quantity, tag, titleOf } from "../format.js";
 import { field, numberOf } from "../ask.js";
-import { WRITTEN, headOf, titleOf } from "../names.js";
 import { TOOLS } from "../calculators.js";
 
 const { tool } = document.querySelector("main").dataset;
