@@ -17,16 +17,9 @@ from store.queries import audit, campaigns
 from store.tables import Campaign, Meter, Reading, utc_now
 
 _COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at", "reason")
-_NEEDED = frozenset(_COLUMNS[:4])
-_KIND = tables.Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
-
-
-def _name_fields(columns: list[str]) -> list[str]:
-    if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
-        message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last three may be absent)"
-        raise tables.refuse_columns(message, columns)
-    return columns
-
+_KIND = tables.Kind(
+    numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings", known=_COLUMNS, needed=_COLUMNS[:4]
+)
 
 router = operations.Router(prefix="/v1", tags=["readings"])
 
@@ -37,7 +30,7 @@ MeterIds = Annotated[
     Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
 ]
 
-_READ = partial(tables.read_sheet, form=NewReading, kind=_KIND, name_fields=_name_fields)
+_READ = partial(tables.read_sheet, form=NewReading, kind=_KIND)
 _BODY = tables.OneOrMany(NewReading, MOST_READINGS, _READ)
 
 

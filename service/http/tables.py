@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from itertools import islice
@@ -85,12 +85,24 @@ class Kind(Record):
     most: int
     rows_are: str
     usual: Mapping[str, float] = field(default_factory=dict)
+    known: Sequence[str] = ()  # columns under the names of the fields
+    needed: Collection[str] = ()
+
+    def require(self, columns: list[str]) -> list[str]:
+        """Refuse a table that lacks a needed column, or has one that is not known or named twice."""
+        if set(self.needed) <= set(columns) <= set(self.known) and len(set(columns)) == len(columns):
+            return columns
+        words = f"columns of {', '.join(self.known)}, each at most once"
+        if self.needed:
+            optional = [name for name in self.known if name not in self.needed]
+            words = f"each of the columns {', '.join(self.needed)} once, and may name {', '.join(optional)}"
+        raise refuse_columns(f"must name {words}", columns)
 
 
 def read_sheet(
-    data: bytes, form: type[F], kind: Kind, name_fields: Callable[[list[str]], list[str]]
+    data: bytes, form: type[F], kind: Kind, name_fields: Callable[[list[str]], list[str]] | None = None
 ) -> list[F]:
-    """Read comma, or semicolon or tab with decimal comma; `name_fields`: of the columns in small letters."""
+    """Read comma, or semicolon or tab with decimal comma; `name_fields`: of columns in small letters."""
     refuse_load(data, *",;\t\r\n")
     try:
         text = data.decode("utf-8-sig")
@@ -100,7 +112,7 @@ def read_sheet(
         columns = [name.strip().lower() for name in (reader.fieldnames or [])[: _MOST_COLUMNS + 1]]
         if len(columns) > _MOST_COLUMNS:
             raise refuse_columns(f"must name at most {_MOST_COLUMNS} columns", columns)
-        reader.fieldnames = name_fields(columns)
+        reader.fieldnames = (name_fields or kind.require)(columns)
         return _read_rows(reader, separator, form, kind)
     except UnicodeDecodeError as error:
         raise Problem(interface.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error

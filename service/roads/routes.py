@@ -31,10 +31,12 @@ from store.tables import Calibration, Camera, FrameRow, Meter, Road, RoadResult
 
 Number = Annotated[int, Path(ge=1, le=1_000_000)]
 _VALUES: Final = ("value", *(f"value_{number}" for number in range(2, 10)))
-_COLUMNS: Final = (*_VALUES, *(set(schemas.RoadPoint.model_fields) - {"values"}))
-_NEEDED: Final = frozenset({"name", "x_m", "y_m", "quantity", "unit", "value"})
 _KIND: Final = tables.Kind(
-    numbers=frozenset({"x_m", "y_m", "u_rel", *_VALUES}), most=schemas.MOST_POINTS, rows_are="points"
+    numbers=frozenset({"x_m", "y_m", "u_rel", *_VALUES}),
+    most=schemas.MOST_POINTS,
+    rows_are="points",
+    known=[*_VALUES, *(name for name in schemas.RoadPoint.model_fields if name != "values")],
+    needed=("name", "x_m", "y_m", "quantity", "unit", "value"),
 )
 _MANY: Final = TypeAdapter(Annotated[list[schemas.RoadPoint], Field(max_length=schemas.MOST_POINTS)])
 _POINT: Final = {"name": "P1", "x_m": 1.5, "y_m": 1.8, "quantity": "illuminance", "unit": "lx"}
@@ -130,18 +132,8 @@ def put_road_site(
 async def _read_points(request: Request) -> list[schemas.RoadPoint]:
     """Read JSON or CSV, by the content type; each bad field or row is named."""
     return await tables.read_sheet_or_document(
-        request,
-        lambda data: tables.read_sheet(data, schemas.RoadPoint, _KIND, _name_fields),
-        _MANY.validate_python,
+        request, lambda data: tables.read_sheet(data, schemas.RoadPoint, _KIND), _MANY.validate_python
     )
-
-
-def _name_fields(columns: list[str]) -> list[str]:
-    if not _NEEDED <= set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
-        optional = ", ".join(sorted(set(_COLUMNS) - _NEEDED))
-        message = f"must name each of {', '.join(sorted(_NEEDED))} once, and may name {optional}"
-        raise tables.refuse_columns(message, columns)
-    return columns
 
 
 @router.put(

@@ -268,17 +268,10 @@ stateless = [Depends(_take_key)]
 
 def _read_table(data: bytes, form: type[F]) -> list[F]:
     """Under the names of the fields; a column for what no row says may be left out."""
-
-    def name_fields(columns: list[str]) -> list[str]:
-        if not set(columns) <= form.model_fields.keys() or len(set(columns)) < len(columns):
-            message = f"must name columns of {', '.join(form.model_fields)}, each at most once"
-            raise tables.refuse_columns(message, columns)
-        return columns
-
-    numbers = frozenset(form.model_fields) - {"name"}
-    return tables.read_sheet(
-        data, form, tables.Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields
-    )
+    known = tuple(form.model_fields)
+    numbers = frozenset(known) - {"name"}
+    kind = tables.Kind(numbers=numbers, most=MOST_CASES, rows_are="cases", known=known)
+    return tables.read_sheet(data, form, kind)
 
 
 def _take_one_or_many(form: type[F]) -> tables.OneOrMany[F]:
