@@ -12,7 +12,6 @@ IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revo
 
 
 class AuditEntry(Base):
-    __tablename__ = "audit_entry"
     __table_args__ = (
         Index("ix_audit_entry_subject", "subject_id", "seq"),
         Index("ix_audit_entry_organisation", "organisation_id", "seq"),
@@ -41,8 +40,6 @@ class AuditEntry(Base):
 class AuditChain(Base):
     """Last link of an organisation's chain, or, named "", of what belongs to none; who appends locks it."""
 
-    __tablename__ = "audit_chain"
-
     name: Mapped[str] = mapped_column(primary_key=True)
     seq: Mapped[BigInt]
     sha256: Mapped[Sha256]
@@ -51,7 +48,6 @@ class AuditChain(Base):
 class AuditHead(Base):
     """The last link of the chain that all had in common in an older stilb, and that theirs continue."""
 
-    __tablename__ = "audit_head"
     __table_args__ = (CheckConstraint("id = 1", "one_row"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)

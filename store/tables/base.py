@@ -1,5 +1,6 @@
 """The declarative base, column types, ids: constraint names are fixed, so that a migration can name them."""
 
+import re
 import secrets
 import time
 from datetime import UTC, datetime
@@ -7,7 +8,7 @@ from typing import Annotated, Any, ClassVar, get_args
 
 from sqlalchemy import CheckConstraint, Dialect, ForeignKey, Index, MetaData, TextClause
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, declared_attr, mapped_column
 from sqlalchemy.types import JSON, BigInteger, DateTime, String, TypeDecorator
 
 
@@ -68,6 +69,11 @@ class Base(DeclarativeBase):
         str: String,
         datetime: UtcDateTime,
     }
+
+    @declared_attr.directive
+    def __tablename__(cls) -> str:  # noqa: N805  of the class
+        """Return the class's own name in words, where it states no other; migrations know it."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__.removesuffix("Row")).lower()
 
 
 def index_some(name: str, *columns: str, where: TextClause) -> Index:

@@ -12,7 +12,6 @@ from store.tables import base
 class Calibration(base.Identified, base.Audited, base.Dated, base.Base, prefix="cal"):
     """One version, complete and immutable (triggers hold it). Its state follows from publications."""
 
-    __tablename__ = "calibration"
     __table_args__ = (
         UniqueConstraint("camera_id", "method", "version"),
         UniqueConstraint("campaign_id", "content_sha256"),
@@ -38,7 +37,6 @@ class Calibration(base.Identified, base.Audited, base.Dated, base.Base, prefix="
 
 
 class CoefficientRow(base.AuditedTogether, base.Base):
-    __tablename__ = "coefficient"
     __table_args__ = (CheckConstraint("standard_uncertainty >= 0", "uncertainty_not_negative"),)
 
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
@@ -58,7 +56,6 @@ class CoefficientRow(base.AuditedTogether, base.Base):
 class Slot(base.Base):
     """A camera's method in one configuration, which at most one published version may hold at any time."""
 
-    __tablename__ = "slot"
     __table_args__ = (UniqueConstraint("camera_id", "method", "configuration"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
@@ -73,7 +70,6 @@ class Publication(base.Identified, base.Audited, base.Base, prefix="pub"):
     A row is only ever closed; the database holds that no two of a slot overlap in both times.
     """
 
-    __tablename__ = "publication"
     __table_args__ = (
         CheckConstraint("valid_to IS NULL OR valid_from < valid_to", "validity_not_empty"),
         CheckConstraint("known_to IS NULL OR known_from <= known_to", "knowledge_ordered"),
@@ -97,8 +93,6 @@ class Publication(base.Identified, base.Audited, base.Base, prefix="pub"):
 
 
 class Revocation(base.Audited, base.Base):
-    __tablename__ = "revocation"
-
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     reason: Mapped[str]
     revoked_by: Mapped[str]
@@ -107,8 +101,6 @@ class Revocation(base.Audited, base.Base):
 
 class IssuedCertificate(base.Audited, base.Base):
     """A certificate as it was issued when a version was published (triggers hold it)."""
-
-    __tablename__ = "issued_certificate"
 
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     amendment: Mapped[int] = mapped_column(
@@ -132,7 +124,6 @@ class IssuedCertificate(base.Audited, base.Base):
 class Measurement(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="msr"):
     """One measurement, complete and immutable (triggers hold it)."""
 
-    __tablename__ = "measurement"
     __audit_digests__ = frozenset({"result"})
     __table_args__ = (
         UniqueConstraint("frame_id", "content_sha256"),
@@ -158,7 +149,6 @@ class Measurement(base.Identified, base.Audited, base.Dated, base.Owned, base.Ba
 class ReadyRow(base.Base):
     """A publication with what a look-up and a series ask it for, one row for each."""
 
-    __tablename__ = "ready"
     __table_args__ = (
         Index("ix_ready_slot_id_valid_from", "slot_id", "valid_from"),
         base.index_some("ix_ready_slot_id_now", "slot_id", "valid_from", where=text("known_to IS NULL")),
@@ -182,8 +172,6 @@ class ReadyRow(base.Base):
 
 
 class ReadyAnswer(base.Base):
-    __tablename__ = "ready_answer"
-
     publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
     etag: Mapped[str]
     whole: Mapped[bool]
@@ -194,14 +182,11 @@ class ReadyAnswer(base.Base):
 class ReadyCells(base.Base):
     """The coefficients of a publication as rows of a series: CSV records, a line each, in their order."""
 
-    __tablename__ = "ready_cells"
-
     publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
     cells: Mapped[str]
 
 
 class MeasuredRow(base.Base):
-    __tablename__ = "measured"
     __table_args__ = (
         Index("ix_measured_organisation_id", "organisation_id", "taken_from", "measurement_id"),
         Index("ix_measured_camera_id", "camera_id", "taken_from", "measurement_id"),
@@ -223,7 +208,6 @@ class MeasuredRow(base.Base):
 class Road(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="roa"):
     """One road on one night: its site, frames, control points, conditions and requirement."""
 
-    __tablename__ = "road"
     __audit_digests__ = frozenset({"frames"})
     __table_args__ = (Index("ix_road_organisation_id_id", "organisation_id", "id"),)
 
@@ -244,7 +228,6 @@ class Road(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, pre
 class RoadResult(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="rrs"):
     """One evaluation of a road, complete and immutable (triggers hold it)."""
 
-    __tablename__ = "road_result"
     __audit_digests__ = frozenset({"inputs", "result"})
     __table_args__ = (UniqueConstraint("road_id", "number"),)
 

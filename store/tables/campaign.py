@@ -15,7 +15,6 @@ FrameState = Literal["received", "read", "extracted", "refused"]
 
 
 class Campaign(base.Identified, base.Audited, base.Dated, base.Base, prefix="cmp"):
-    __tablename__ = "campaign"
     __table_args__ = (
         base.one_of("kind", CampaignKind),
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
@@ -60,7 +59,6 @@ class Campaign(base.Identified, base.Audited, base.Dated, base.Base, prefix="cmp
 class Roi(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="roi"):
     """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
 
-    __tablename__ = "roi"
     __table_args__ = (UniqueConstraint("organisation_id", "sha256"),)
 
     sha256: Mapped[base.Sha256]
@@ -80,7 +78,6 @@ class Withdrawable:
 
 
 class Reading(Withdrawable, base.Identified, base.Audited, base.Dated, base.Base, prefix="rdg"):
-    __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
         CheckConstraint("value > 0", "value_positive"),
@@ -101,7 +98,6 @@ class Reading(Withdrawable, base.Identified, base.Audited, base.Dated, base.Base
 class Blob(base.Dated, base.Base):
     """Bytes that the blob store keeps under their hash."""
 
-    __tablename__ = "blob"
     __table_args__ = (
         CheckConstraint("size_bytes >= 0", "size_not_negative"),
         CheckConstraint("damage IN ('damaged', 'missing')", "damage_known"),
@@ -120,7 +116,6 @@ class Blob(base.Dated, base.Base):
 class FrameRow(Withdrawable, base.Identified, base.Audited, base.Dated, base.Base, prefix="frm"):
     """One uploaded file in one campaign."""
 
-    __tablename__ = "frame"
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
@@ -167,7 +162,6 @@ class FrameRow(Withdrawable, base.Identified, base.Audited, base.Dated, base.Bas
 class Extraction(base.Identified, base.Audited, base.Dated, base.Base, prefix="ext"):
     """The statistics of one frame in one region by one version of the code: made once, never changed."""
 
-    __tablename__ = "extraction"
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"features"})
     __table_args__ = (UniqueConstraint("frame_id", "roi_id", "extractor"),)
 
@@ -202,7 +196,6 @@ class ChannelRow(base.AuditedTogether, base.Base):
 class Crop(base.Identified, base.Dated, base.Owned, base.Base, prefix="crp"):
     """A picture that can be drawn again from its frame; derived, so never audited."""
 
-    __tablename__ = "crop"
     __table_args__ = (
         Index("ix_crop_frame_id_asked", "frame_id", "asked"),
         Index("ix_crop_organisation_id_id", "organisation_id", "id"),
@@ -217,7 +210,6 @@ class Crop(base.Identified, base.Dated, base.Owned, base.Base, prefix="crp"):
 class CampaignReview(base.Base):
     """List of what a campaign still lacks, and the revision of the campaign that it was computed from."""
 
-    __tablename__ = "campaign_review"
     __table_args__ = (
         base.index_some("ix_campaign_review_stale", "not_before", where=text("kept_revision < revision")),
     )
@@ -244,8 +236,6 @@ class CampaignReview(base.Base):
 class FrameVerdict(base.Base):
     """Reasons of the verdict on one frame, from the same revision; a frame that passes has no row."""
 
-    __tablename__ = "frame_verdict"
-
     # no foreign keys: checking one takes a lock on the frame, whose own writer waits for the review's row
     frame_id: Mapped[str] = mapped_column(primary_key=True)
     campaign_id: Mapped[str] = mapped_column(index=True)
@@ -255,7 +245,6 @@ class FrameVerdict(base.Base):
 class FrameChange(base.Base):
     """Revision of the campaign at which a frame, its statistics or the verdict on it last changed."""
 
-    __tablename__ = "frame_change"
     __table_args__ = (Index("ix_frame_change_campaign_id_revision", "campaign_id", "revision"),)
 
     # no foreign keys, as for its verdict
@@ -267,8 +256,6 @@ class FrameChange(base.Base):
 class SmallPreview(base.Base):
     """A frame's preview at the size of a grid's cell."""
 
-    __tablename__ = "small_preview"
-
     # no foreign key: it is kept before the frame that shows it, and holds nothing that its preview does not
     preview_sha256: Mapped[base.Sha256] = mapped_column(primary_key=True)
     webp: Mapped[bytes]
@@ -277,8 +264,6 @@ class SmallPreview(base.Base):
 class Rendering(base.Dated, base.Base):
     """A certificate, a report or a version's plot as it was rendered: the same content is rendered once."""
 
-    __tablename__ = "rendering"
-
     source_sha256: Mapped[base.Sha256] = mapped_column(primary_key=True)  # of all that goes in, and how
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
 
@@ -286,7 +271,6 @@ class Rendering(base.Dated, base.Base):
 class Manifest(base.Identified, base.Audited, base.Dated, base.Owned, base.Base, prefix="man"):
     """Contents of a card, as the sender lists them; never changed."""
 
-    __tablename__ = "manifest"
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"files", "others"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
@@ -302,8 +286,6 @@ class Manifest(base.Identified, base.Audited, base.Dated, base.Owned, base.Base,
 class SigningKey(base.Audited, base.Dated, base.Base):
     """A public key of this service; none is ever removed, so that old receipts can be verified."""
 
-    __tablename__ = "signing_key"
-
     id: Mapped[str] = mapped_column(primary_key=True)
     public_key: Mapped[str]  # PEM
 
@@ -311,7 +293,6 @@ class SigningKey(base.Audited, base.Dated, base.Base):
 class ChecklistTick(base.Audited, base.Base):
     """An item of the procedure's checklist that somebody has ticked; unticking empties who and when."""
 
-    __tablename__ = "checklist_tick"
     __table_args__ = (CheckConstraint("(done_by IS NULL) = (done_at IS NULL)", "who_and_when"),)
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
@@ -323,8 +304,6 @@ class ChecklistTick(base.Audited, base.Base):
 
 class ChecklistSignature(base.Audited, base.Base):
     """The operator's signature below a campaign's checklist."""
-
-    __tablename__ = "checklist_signature"
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
     name: Mapped[str]

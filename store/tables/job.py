@@ -18,7 +18,6 @@ _READING = text("kind = 'extract' AND state IN ('queued', 'running')")
 
 
 class Job(Identified, Dated, Owned, Base, prefix="job"):
-    __tablename__ = "job"
     __table_args__ = (
         one_of("kind", JobKind),
         one_of("state", JobState),
@@ -65,8 +64,6 @@ class Job(Identified, Dated, Owned, Base, prefix="job"):
 class Turn(Base):
     """A queue's way round the organisations. Not audited: it is nobody's decision."""
 
-    __tablename__ = "turn"
-
     queue: Mapped[str] = mapped_column(primary_key=True)
     organisation_id: Mapped[str] = mapped_column(default="")  # the one whose job was sent last
 
@@ -78,7 +75,6 @@ STALE_AFTER_S = 35.0  # three missed beats and a moment
 class PartRow(Base):
     """One run of one process. Not audited: it records that somebody is there, and nobody's decision."""
 
-    __tablename__ = "part"
     __table_args__ = (one_of("kind", Literal["service", "worker", "sweeper"]),)
 
     # its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free

@@ -13,8 +13,6 @@ _WHO = "Who uses the key, as certificates name who fitted and who approved."
 
 
 class Organisation(Identified, Audited, Dated, Base, prefix="org"):
-    __tablename__ = "organisation"
-
     name: Mapped[str] = mapped_column(unique=True)
     address: Mapped[str | None]  # as a certificate names it
     operator: Mapped[bool] = mapped_column(default=False)  # it runs this service: its admins found the others
@@ -26,7 +24,6 @@ class Organisation(Identified, Audited, Dated, Base, prefix="org"):
 class ApiKey(Identified, Audited, Dated, Base, prefix="key"):
     """A key of one organisation, known by its hash."""
 
-    __tablename__ = "api_key"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"sha256"})
 
@@ -44,7 +41,6 @@ class ApiKey(Identified, Audited, Dated, Base, prefix="key"):
 class WebSession(Identified, Audited, Dated, Base, prefix="ses"):
     """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
 
-    __tablename__ = "web_session"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
 
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
@@ -58,8 +54,6 @@ class WebSession(Identified, Audited, Dated, Base, prefix="ses"):
 class Usage(Base):
     """Bytes and rows that an organisation stores, counted as they arrive (store/queries/usage.py)."""
 
-    __tablename__ = "usage"
-
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
     frames: Mapped[int]
     stored_bytes: Mapped[BigInt]  # of its frames' files, in each campaign again
@@ -70,8 +64,6 @@ class Usage(Base):
 class IdempotentAnswer(Dated, Base):
     """The answer to a request that carried an Idempotency-Key, kept to be given again."""
 
-    __tablename__ = "idempotent_answer"
-
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
     key: Mapped[str] = mapped_column(primary_key=True)
     fingerprint: Mapped[Sha256]  # of method, address and body: the same key for another is refused
@@ -81,7 +73,6 @@ class IdempotentAnswer(Dated, Base):
 
 
 class Camera(Identified, Audited, Dated, Owned, Base, prefix="cam"):
-    __tablename__ = "camera"
     __table_args__ = (
         UniqueConstraint("organisation_id", "make", "model", "serial"),
         CheckConstraint("pixel_pitch_um > 0", "pixel_pitch_positive"),
@@ -100,7 +91,6 @@ class Camera(Identified, Audited, Dated, Owned, Base, prefix="cam"):
 
 
 class Meter(Identified, Audited, Dated, Owned, Base, prefix="met"):
-    __tablename__ = "meter"
     __table_args__ = (
         UniqueConstraint("organisation_id", "kind", "make", "model", "serial"),
         one_of("kind", MeterKind),
@@ -127,7 +117,6 @@ class Meter(Identified, Audited, Dated, Owned, Base, prefix="met"):
 class Panel(Identified, Audited, Dated, Owned, Base, prefix="pnl"):
     """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
 
-    __tablename__ = "panel"
     __table_args__ = (UniqueConstraint("organisation_id", "serial", "measured_on"),)
 
     serial: Mapped[str]
@@ -138,7 +127,6 @@ class Panel(Identified, Audited, Dated, Owned, Base, prefix="pnl"):
 class Rig(Identified, Audited, Dated, Owned, Base, prefix="rig"):
     """Cameras that are mounted together; with another camera it is another rig."""
 
-    __tablename__ = "rig"
     __table_args__ = (UniqueConstraint("organisation_id", "name"),)
 
     name: Mapped[str]
