@@ -103,7 +103,7 @@ class Assets:
 
 
 @router.get("/static/{release}/{name:path}")
-def get_asset(request: Request, release: str, name: str) -> Response:
+async def get_asset(request: Request, release: str, name: str) -> Response:
     assets: Assets = request.app.state.assets
     if (content := assets.find(release, name)) is None:
         raise Problem(interface.NOT_FOUND, "There is no such file here. Reload the page that asks for it.")
