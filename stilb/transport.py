@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import random
+import ssl
 import threading
 import time
 import tomllib
@@ -83,6 +84,12 @@ class Call:
         return headers
 
 
+@cache
+def _trusted() -> ssl.SSLContext:
+    """Return the certificate authorities that are trusted, once: to read them takes longer than a request."""
+    return httpx.create_ssl_context()
+
+
 class Transport:
     """Sends calls and turns every failure into a ``Problem``."""
 
@@ -98,6 +105,7 @@ class Transport:
     ) -> None:
         self._http = httpx.Client(
             base_url=url,
+            verify=_trusted(),
             timeout=timeout_s,
             headers={"Authorization": f"Bearer {key}", "User-Agent": f"stilb/{read_version()}"},
         )

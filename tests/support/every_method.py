@@ -18,7 +18,6 @@ BOARD = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0
 PANEL_REFLECTANCE, PANEL_U = 0.18, 0.002
 BANDS = {"green": "GRE", "red": "RED"}
 F_NUMBERS = (2.0, 4.0)
-SYSTEM_GAIN_DN_PER_E = 0.5
 
 
 def make_version(house: House, method: str) -> dict:
