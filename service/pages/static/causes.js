@@ -46,15 +46,12 @@ export function jobCause({ count, newest: { kind, state, error, campaign_id: id,
   };
 }
 
-/** Named in place of a part of the page: dialogs, which the page opens. */
-const PANEL = "panel";
-const METER = "meter";
 const FRAMES = ["frames", "Add frames"];
 const OF_READINGS = ["reading_missing", "reading_off", "reading_far_from_frames", "reading_without_frames", "meter_repeatability_estimated", "lamp_drift", "rho_cross_check"];
-/** By the code of a cause, the part of the campaign's page that mends it; frames mend the others. */
+/** By the code of a cause, the part of the campaign's page that mends it, or a dialog; frames mend the others. */
 const PARTS = {
   no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"], lens_differs: ["frames", "Show frames"],
-  meter_certificate_missing: [METER, "State the meter…"], panel_unknown: [PANEL, "Choose panel…"], panel_uncertainty_missing: [PANEL, "Choose panel…"],
+  meter_certificate_missing: ["meter", "State the meter…"], panel_unknown: ["panel", "Choose panel…"], panel_uncertainty_missing: ["panel", "Choose panel…"],
   ...Object.fromEntries(OF_READINGS.map((code) => [code, ["readings", "Enter readings"]])),
 };
 const MARKS = { error: "warn", warn: "gap" };

@@ -22,8 +22,7 @@ fill(byId("details"), ASKED.map(({ name, label, type }) => field(label, type ===
 
 fill(byId("kinds"), choices("kind", [["calibration", "Calibration", "Frames and readings that a version is fitted from."], ["measurement", "Measuring night", "Field frames that are measured with a published version; never used to calibrate."]], turn));
 turn("calibration");
-// frames of another camera are refused: of several, none is taken for granted
-load(byId("camera"), () => all("/v1/cameras"), (cameras) => field("Camera", registry(cameras, { nameOf: cameraName, register: () => registerCamera(), none: "Select…", name: "camera_id", required: true }, cameras.length === 1 ? cameras[0].id : ""), null, about("NewCampaign", "camera_id")));
+load(byId("camera"), () => all("/v1/cameras"), cameraField);
 load(byId("panel"), () => all("/v1/panels"), (panels) => panelField(panels)).then(offerPanel);
 
 form.addEventListener("submit", (event) => {
@@ -51,6 +50,13 @@ function choose(name) {
   fill(byId("stated"), stated.element);
   fill(byId("target"), target?.element);
   offerPanel();
+}
+
+function cameraField(cameras) {
+  // frames of another camera are refused: of several, none is taken for granted
+  const only = cameras.length === 1 ? cameras[0].id : "";
+  const list = registry(cameras, { nameOf: cameraName, register: () => registerCamera(), none: "Select…", name: "camera_id", required: true }, only);
+  return field("Camera", list, null, about("NewCampaign", "camera_id"));
 }
 
 /** What is not shown must not have to be filled in either. */

@@ -40,7 +40,9 @@ export function openFrame(state, first, { order, walked: goes, back }) {
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
   // the same elements for every frame: a press is never lost to a redraw, and acts on the frame that is named
   const press = (work) => (event) => act(event.target, () => work(state, [id]));
-  const [move, enter, out, gone] = [button("Move…", press(askWhere)), button("Enter exposure…", press(askExposure)), button("", press(leaveOut), { title: "What is left out is kept, and not fitted or measured with the others" }), button("", press(withdraw), { class: "small-button danger", title: "What is withdrawn is hidden from the campaign, and can be restored" })];
+  const [move, enter] = [button("Move…", press(askWhere)), button("Enter exposure…", press(askExposure))];
+  const out = button("", press(leaveOut), { title: "What is left out is kept, and not fitted or measured with the others" });
+  const gone = button("", press(withdraw), { class: "small-button danger", title: "What is withdrawn is hidden from the campaign, and can be restored" });
   const region = button("", () => {
     goes("");
     dialog.close();

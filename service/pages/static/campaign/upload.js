@@ -153,7 +153,7 @@ function summary(state, queue, given) {
     retrying.length && `${retrying.length} waiting for the connection`,
     lost.length && `${lost.length} of an earlier session: select the files again to resume`,
   ].filter(Boolean);
-  const unmeasured = !moving.length && sent.length && waitsForRegion(state, sent);
+  const unmeasured = !moving.length && sent.some((item) => standingOf(state, item) === WAITS.no_region);
   const button = (text, keep, onclick, more = {}) => h("button", { type: "button", "data-keep": keep, onclick, ...more }, text);
   return [
     h("div", { class: "section-head" }, h("h3", {}, h("span", { role: "status" }, title)), h("p", {}, rest)),
@@ -211,8 +211,6 @@ function standingOf(state, item) {
   const { outcome, code } = state.byId.get(item.frameId) ?? {};
   return PASSES[outcome] ?? WAITS[code] ?? "in progress";
 }
-
-const waitsForRegion = (state, sent) => sent.some((item) => standingOf(state, item) === WAITS.no_region);
 
 /** "38 of 38 received, 36 pass, 2 to check"; what all wait for, without its count. */
 function outcomeOf(state, sent) {

@@ -1,5 +1,4 @@
-// The proposal for a card: header rows in, camera, campaign, scenes, roles, darks and what is skipped out. No DOM.
-// The service proposes method, roles and scenes; docs/pages.md states its limits.
+// The proposal for a card, of header rows and what the service proposes of method, roles and scenes; docs/pages.md states the limits. No DOM.
 
 import { post } from "../api.js";
 import { groupBy, natural } from "../format.js";

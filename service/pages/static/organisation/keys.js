@@ -26,10 +26,7 @@ function drawSessions(sessions) {
   return table(columns, sessions.sort((a, b) => order(b) - order(a)), { caption: "Sessions", stack: true });
 }
 
-const endButton = (each) => {
-  const button = small("End", () => act(button, () => end(`/v1/sessions/${each.id}`, "The session has ended.")), { class: "small-button danger", "aria-label": `End the session of ${each.key_name}, ${browserOf(each.browser ?? "")}` });
-  return button;
-};
+const endButton = (each) => small("End", ({ target }) => act(target, () => end(`/v1/sessions/${each.id}`, "The session has ended.")), { class: "small-button danger", "aria-label": `End the session of ${each.key_name}, ${browserOf(each.browser ?? "")}` });
 
 async function end(path, said) {
   const answer = await (await send("DELETE", path)).json();

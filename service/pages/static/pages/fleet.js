@@ -34,12 +34,10 @@ function form(models, rows) {
   const choose = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
     unit.textContent = methodOf(method.value).tolerance_unit;
-    fill(members, cameras.map((camera) => {
-      return h("label", { class: "check" },
-        h("input", { type: "checkbox", name: "camera", value: camera.id, checked: versions(camera, method.value) > 0, disabled: !versions(camera, method.value) }),
-        h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
-      );
-    }));
+    fill(members, cameras.map((camera) => h("label", { class: "check" },
+      h("input", { type: "checkbox", name: "camera", value: camera.id, checked: versions(camera, method.value) > 0, disabled: !versions(camera, method.value) }),
+      h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
+    )));
     const able = cameras.filter((camera) => versions(camera, method.value)).length;
     button.disabled = able < 2;
     said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${labelOf(method.value)} version; two are needed.` : "";
