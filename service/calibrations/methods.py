@@ -5,18 +5,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, fields
 from typing import Annotated, Any, Literal
 
+import pydantic
 from fastapi import Request, Response
-from pydantic import (
-    BeforeValidator,
-    Discriminator,
-    Field,
-    RootModel,
-    Strict,
-    Tag,
-    TypeAdapter,
-    ValidationError,
-    create_model,
-)
+from pydantic import Discriminator, Field, RootModel, Strict, Tag, TypeAdapter, ValidationError, create_model
 from pydantic.json_schema import models_json_schema
 from pydantic_core import PydanticCustomError
 
@@ -105,7 +96,8 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
     kind: Any = models.Text
     if parameter.kind == "choice":
         kind = _annotate(
-            Literal[tuple(choice.value for choice in parameter.choices)], BeforeValidator(_refuse_truth)
+            Literal[tuple(choice.value for choice in parameter.choices)],
+            pydantic.BeforeValidator(_refuse_truth),
         )
     elif parameter.kind == "boolean":
         kind = _annotate(bool, Strict())

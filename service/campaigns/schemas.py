@@ -2,14 +2,8 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    FailFast,
-    Field,
-    create_model,
-)
+import pydantic
+from pydantic import BeforeValidator, ConfigDict, FailFast, Field, create_model
 
 from radiometry.methods import METHODS
 from service.calibrations.methods import make_fields
@@ -219,7 +213,8 @@ class NewReading(Form):
         "As the meter showed it. Several readings of a scene give their spread.", gt=0, lt=1e9
     )
     unit: Annotated[
-        Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
+        Literal["cd/m2", "cd/m²", "fL", "lx", "fc"],
+        pydantic.AfterValidator(lambda unit: unit.replace("²", "2")),
     ] = told("As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
     meter_id: Text | None = maybe(
         "The meter that was read: without it, u(K) does not include its calibration."

@@ -4,38 +4,15 @@ import dataclasses
 import inspect
 import re
 import types
+import typing
 import unicodedata
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    ClassVar,
-    Final,
-    Literal,
-    Self,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
+import pydantic
 from fastapi.responses import JSONResponse
-from pydantic import (
-    AfterValidator,
-    AwareDatetime,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    Strict,
-    StringConstraints,
-    WithJsonSchema,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, StringConstraints
 from pydantic.config import JsonDict, JsonValue
 from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Mapped
@@ -137,15 +114,15 @@ def _year_is_plausible(instant: datetime) -> datetime:
 
 
 Instant = Annotated[
-    AwareDatetime,
+    pydantic.AwareDatetime,
     BeforeValidator(_is_written_out),
     AfterValidator(_year_is_plausible),
-    PlainSerializer(rfc3339, when_used="json"),
-    WithJsonSchema(
+    pydantic.PlainSerializer(rfc3339, when_used="json"),
+    pydantic.WithJsonSchema(
         {"type": "string", "format": "date-time", "pattern": "^(19[0-9]{2}|[2-8][0-9]{3}|9000)-"},
         mode="validation",
     ),
-    WithJsonSchema({"type": "string", "format": "date-time"}, mode="serialization"),
+    pydantic.WithJsonSchema({"type": "string", "format": "date-time"}, mode="serialization"),
 ]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 
@@ -165,7 +142,7 @@ class Form(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
-    _one_of: ClassVar[tuple[str, ...]] = ()
+    _one_of: typing.ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, *, one_of: str = "", **config: Any) -> None:  # noqa: ANN401
         super().__init_subclass__(**config)
@@ -177,15 +154,15 @@ class Form(BaseModel):
     def check(self) -> None:
         """Raise a ValueError for what no field is alone at fault."""
 
-    @model_validator(mode="after")
-    def _check_all(self) -> Self:
+    @pydantic.model_validator(mode="after")
+    def _check_all(self) -> typing.Self:
         if self._one_of and sum(getattr(self, name) is not None for name in self._one_of) != 1:
             *others, last = self._one_of
             raise ValueError(f"give either {', '.join(others)} or {last}")
         self.check()
         return self
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _refuse_names(cls, value: Any) -> Any:  # noqa: ANN401
         if not isinstance(value, dict):
@@ -248,7 +225,7 @@ class Answer(BaseModel):
         cls.__annotations__ = stated | own
 
     @classmethod
-    def restate(cls, *sources: Any, **said: Any) -> Self:  # noqa: ANN401
+    def restate(cls, *sources: Any, **said: Any) -> typing.Self:  # noqa: ANN401
         """Take each field from what is said here, else from the first source that has it."""
         for source in sources:
             for name in cls.model_fields.keys() - said.keys():
@@ -296,7 +273,7 @@ def model_of(record: type, base: type[BaseModel]) -> Any:  # noqa: ANN401  a mod
         room = record.__module__.split(".")[1].capitalize()
         own = f"{room}{record.__name__.removeprefix(room)}"
         name = f"New{own}" if is_form else f"{own}Answer"
-        _made[record, base] = create_model(name, __base__=base, __doc__=record.__doc__, **stated)
+        _made[record, base] = pydantic.create_model(name, __base__=base, __doc__=record.__doc__, **stated)
     return _made[record, base]
 
 
