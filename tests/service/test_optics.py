@@ -1,4 +1,4 @@
-"""Vignetting, sharpness, geometry and noise over HTTP: from uploaded frames to published coefficients."""
+"""Vignetting, sharpness and geometry over HTTP: from uploaded frames to published coefficients."""
 
 import io
 import json
@@ -203,13 +203,3 @@ def test_a_region_in_parts_that_changes_is_computed_anew(house):
     house.patch(path, {"target": {"kind": "slanted_edge", "edge_order": 1}})
     assert house.work() == 1
     house.patch(path, {"target": {"kind": "slanted_edge", "edge_order": 9}}, status=422)
-
-
-def test_the_noise_of_a_sensor(house):
-    version = make_version(house, "noise")
-    rows = {(row["name"], row["channel"]): row for row in publish(house, version)}
-    gain = rows["system_gain_dn_per_e", "G1"]
-    assert abs(gain["value"] - 0.5) < 4 * gain["standard_uncertainty"]
-    assert gain["standard_uncertainty"] < 0.02
-    noise = rows["read_noise_e", "G1"]
-    assert abs(noise["value"] - 4.0) < 4 * noise["standard_uncertainty"]
