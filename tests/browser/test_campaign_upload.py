@@ -111,6 +111,22 @@ def test_without_a_connection_one_file_looks_for_it_for_all(page, team, files):
     page.context.complaints.clear()
 
 
+def test_files_that_the_service_fails_at_hold_up_no_other(page, team, tmp_path):
+    card = [write_frame(tmp_path / f"level-1-{seed}.DNG", seed=seed) for seed in range(6)]
+    page.goto(f"/campaigns/{team.campaign().id}")
+    choose(page, card)
+    problem = {"title": "Internal error", "status": 500, "code": "internal_error", "retryable": True}
+    # as many as are under way at once
+    page.route(
+        re.compile(UPLOADS.pattern + ".*level-1-[0-3]"), lambda route: route.fulfill(status=500, json=problem)
+    )
+    page.get_by_role("button", name="Send 6 files").click()
+    expect(page.get_by_role("link", name="2 received")).to_be_visible()
+    page.unroute_all()
+    expect(page.get_by_text("6 of 6 received")).to_be_visible()
+    page.context.complaints.clear()
+
+
 def test_files_that_are_chosen_without_a_connection_are_taken_when_it_is_back(page, team, files):
     page.goto(f"/campaigns/{team.campaign().id}")
     settle(page)

@@ -305,7 +305,8 @@ export class UploadQueue extends EventTarget {
     if (isOffline) this.lostSince ??= Date.now();
     for (const each of this.items) if (each.state === "waiting") each.state = "retrying";
     this.looking ??= setInterval(() => {
-      const first = this.items.find((each) => each.state === "retrying");
+      // the one that was tried longest ago, so that a file which the service fails at holds up no other
+      const [first] = this.items.filter((each) => each.state === "retrying").sort((a, b) => (a.movedAt ?? 0) - (b.movedAt ?? 0));
       if (!first || this.items.some((each) => each.state === "sending")) return;
       this.again(first);
       this.pump();
