@@ -203,7 +203,7 @@ _WIDE_PX, _HIGH_PX = 290, 204  # what the axes of a printed figure enclose
 _MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
 _DAY_S, _HALF_HOUR_S = 86_400.0, 1800.0
 _LETTER_PX, _LEAST_LETTERS = 7, 8
-# of more points, those that would lie over one of their series are drawn when a part is magnified
+# of more points, those that would lie over one of their series are not drawn
 _MOST_MARKS: Final = 2000
 # steps of time below a month, with the form of a tick
 _TIMES: Final = tuple(

@@ -18,11 +18,10 @@ def mark(x, y, **more):
     return Mark(x=x, y=y, name="a", **more)
 
 
-def draw(figure, box=BOX, *, x=(0.0, 1.0)):
+def draw(figure, box=BOX):
     panel = place_figure(figure, box)
-    shown = panel.x.part(*x)
     parts, _ = draw_figure(
-        figure, type(panel)(x=shown, y=panel.y, title="", x_label="", y_label=""), in_print=False
+        figure, Panel(x=panel.x, y=panel.y, title="", x_label="", y_label=""), in_print=False
     )
     return "".join(parts)
 
@@ -93,25 +92,6 @@ def test_intervals_without_ends_leave_the_others_where_they_were(bad):
     assert len(polylines(drawn, "line bar s0")) == 2
 
 
-def test_a_magnified_part_shows_the_line_and_the_band_that_run_through_it():
-    """Both ends lie outside: 0 at 0 and 10 at 10 are 4 at 40 % and 6 at 60 % of the axis."""
-    edges = ((0.0, 0.0, 2.0), (10.0, 10.0, 12.0))
-    figure = Figure(
-        x=Axis(label="", include=(0.0, 10.0), ticks=((0.0, "0"), (10.0, "10"))),
-        y=Axis(label="", include=(0.0, 10.0)),
-        series=(Series(line=((0.0, 0.0), (10.0, 10.0)), swath=edges),),
-    )
-    whole, part = draw(figure), draw(figure, x=(0.4, 0.6))
-    ((start, end),) = polylines(whole)
-    ((left, right),) = polylines(part)
-    assert [left[0], right[0]] == [60.0, 560.0]
-    for found, share in ((left, 0.4), (right, 0.6)):
-        assert found[1] == pytest.approx(start[1] + share * (end[1] - start[1]), abs=0.1)
-    corners = [point.split(",") for point in re.search(r'swath s0" points="([^"]*)"', part)[1].split()]
-    assert sorted({float(x) for x, _ in corners}) == [60.0, 560.0]
-    assert float(corners[0][1]) == pytest.approx(left[1], abs=0.1)
-
-
 def test_a_line_leaves_the_axes_where_it_crosses_them_and_comes_back():
     axis = Axis(label="", ticks=((0.0, "0"), (10.0, "10")), include=(0.0, 10.0))
     figure = Figure(x=axis, y=axis, series=(Series(model=((0.0, 5.0), (5.0, 15.0), (10.0, 5.0))),))
@@ -128,9 +108,8 @@ def test_ten_thousand_points_are_a_small_picture_that_hides_no_excluded_one():
     drawn = draw(figure)
     assert len(drawn) < 1_200_000
     assert drawn.count("point out") == 1
-    # every pixel column has some, and a part that is magnified has all of its points
+    # every pixel column has some
     assert len({round(x) for x, _ in places(drawn)}) > 440
-    assert len(places(draw(figure, x=(0.5, 0.52)))) == pytest.approx(224, abs=2)
 
 
 def test_twenty_series_differ_in_colour_dashes_or_symbol():
