@@ -127,6 +127,48 @@ def test_files_that_the_service_fails_at_hold_up_no_other(page, team, tmp_path):
     page.context.complaints.clear()
 
 
+def test_a_connection_that_is_back_is_seen_before_a_large_file_is_whole(page, team, tmp_path):
+    large = [write_frame(tmp_path / f"level-1-{n}.DNG", shape=(1000, 1500), seed=n) for n in range(3)]
+    page.goto(f"/campaigns/{team.campaign().id}")
+    choose(page, large)
+    expect(page.get_by_text("all compared")).to_be_visible()
+    page.route("**/v1/uploads", lambda route: route.abort("connectionfailed"))
+    page.get_by_role("button", name="Send 3 files").click()
+    lost = page.get_by_text("No connection since")
+    expect(lost).to_be_visible()
+    held = Held(page, "**/v1/uploads/*", times=2)
+    page.unroute("**/v1/uploads")
+    held.release().continue_()
+    expect(lost).to_have_count(0)
+    held.release().continue_()
+    expect(page.get_by_text("3 of 3 received")).to_be_visible()
+    page.context.complaints.clear()
+
+
+def test_a_large_file_that_the_service_fails_at_is_tried_after_the_others(page, team, tmp_path):
+    large = [write_frame(tmp_path / f"level-1-{n}.DNG", shape=(1000, 1500), seed=n) for n in range(5)]
+    page.goto(f"/campaigns/{team.campaign().id}")
+    choose(page, large)
+    failed = []
+
+    def answer(route):
+        if not failed or route.request.url == failed[0]:
+            failed.append(route.request.url)
+            route.fulfill(status=500, json={"detail": "Broken", "code": "internal_error", "retryable": True})
+        else:
+            route.fallback()
+
+    page.route(
+        "**/v1/uploads/*", lambda each: answer(each) if each.request.method == "PATCH" else each.fallback()
+    )
+    page.get_by_role("button", name="Send 5 files").click()
+    expect(page.get_by_role("link", name="4 received")).to_be_visible()
+    assert len(failed) <= 2
+    page.unroute_all()
+    expect(page.get_by_text("5 of 5 received")).to_be_visible()
+    page.context.complaints.clear()
+
+
 def test_files_that_are_chosen_without_a_connection_are_taken_when_it_is_back(page, team, files):
     page.goto(f"/campaigns/{team.campaign().id}")
     settle(page)

@@ -8,7 +8,7 @@ const TUS = { "Tus-Resumable": "1.0.0" };
 
 /**
  * Send a file; answers the frame's {id}, or throws a Problem. `onProgress(bytes)` hears how far it is. `onBegun()` hears
- * that `item.upload` is the address at which a cut upload goes on.
+ * that the service answers, and that `item.upload` is the address at which a cut upload goes on.
  */
 async function sendFile(path, item, { onProgress, onBegun, signal }) {
   const said = { role: item.role, filename: item.name.split("/").at(-1), ...(item.scene ? { scene: item.scene } : {}) };
@@ -22,10 +22,10 @@ async function sendFile(path, item, { onProgress, onBegun, signal }) {
     const metadata = Object.entries(told).map(([name, text]) => `${name} ${btoa(String.fromCharCode(...new TextEncoder().encode(text)))}`);
     const begun = await ask("POST", "/v1/uploads", { ...TUS, "Upload-Length": item.size, "Upload-Metadata": metadata.join(","), "Idempotency-Key": item.once }, { signal });
     item.upload = begun.getResponseHeader("Location");
-    onBegun();
   }
   try {
     let answer = await ask("HEAD", item.upload, TUS, { signal });
+    onBegun();
     const offset = Number(answer.getResponseHeader("Upload-Offset"));
     item.sent = offset;
     if (!answer.getResponseHeader("Content-Location")) {
@@ -236,7 +236,7 @@ export class UploadQueue extends EventTarget {
 
   retryNow() {
     this.giveUp(STALLED_MS);
-    for (const item of this.items) this.again(item);
+    for (const item of this.inTurn("retrying")) item.state = "waiting";
     this.pump();
   }
 
@@ -262,8 +262,7 @@ export class UploadQueue extends EventTarget {
 
   pump() {
     const sending = this.items.filter((item) => item.state === "sending");
-    for (const next of this.items) {
-      if (next.state !== "waiting") continue;
+    for (const next of this.inTurn("waiting")) {
       const small = [...sending, next].every((item) => item.size < WHOLE_BYTES);
       if (sending.length >= (small ? MOST_AT_ONCE : AT_ONCE)) break;
       sending.push(next);
@@ -276,7 +275,8 @@ export class UploadQueue extends EventTarget {
     Object.assign(item, { state: "sending", movedAt: Date.now() });
     item.abort = new AbortController();
     try {
-      const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
+      const onBegun = () => (this.journal.note(item), this.find(), this.pump());
+      const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id });
       this.find();
@@ -292,7 +292,7 @@ export class UploadQueue extends EventTarget {
     if (!item.upload) item.sent = 0;
     item.error = error.message;
     if (error.retryable) {
-      item.state = "retrying";
+      Object.assign(item, { state: "retrying", failedAt: Date.now() });
       return this.lose(error.code === "offline");
     }
     this.find();
@@ -305,24 +305,23 @@ export class UploadQueue extends EventTarget {
     if (isOffline) this.lostSince ??= Date.now();
     for (const each of this.items) if (each.state === "waiting") each.state = "retrying";
     this.looking ??= setInterval(() => {
-      // the one that was tried longest ago, so that a file which the service fails at holds up no other
-      const [first] = this.items.filter((each) => each.state === "retrying").sort((a, b) => (a.movedAt ?? 0) - (b.movedAt ?? 0));
+      const [first] = this.inTurn("retrying");
       if (!first || this.items.some((each) => each.state === "sending")) return;
-      this.again(first);
+      first.state = "waiting";
       this.pump();
     }, LOOK_AGAIN_MS);
   }
 
   /** The service answers. */
   find() {
-    if (!this.looking) return;
     clearInterval(this.looking);
     this.looking = this.lostSince = undefined;
-    for (const each of this.items) this.again(each);
+    for (const each of this.inTurn("retrying")) each.state = "waiting";
   }
 
-  again(item) {
-    if (item.state === "retrying") item.state = "waiting";
+  /** What failed last comes last, so that a file which the service fails at holds up no other. */
+  inTurn(state) {
+    return this.items.filter((item) => item.state === state).sort((a, b) => (a.failedAt ?? 0) - (b.failedAt ?? 0));
   }
 
   progress(item, bytes) {
