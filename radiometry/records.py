@@ -1,7 +1,6 @@
 """Frozen dataclasses, and fields that carry a sentence on what they mean."""
 
-from dataclasses import MISSING, Field, dataclass, field, fields
-from reprlib import recursive_repr
+from dataclasses import MISSING, Field, dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final, dataclass_transform
 
 LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
@@ -26,31 +25,11 @@ def later(sentence: str = "") -> Any:  # noqa: ANN401  a field takes its annotat
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field, about))
 class Record:
-    """Base of frozen dataclasses; fields are given by name, unless a class says `kw_only=False`.
-
-    They are compared, hashed and shown by what stands here, once: dataclasses would write it for each of 400,
-    which takes a tenth of a second of every start.
-    """
+    """Base of frozen dataclasses; fields are given by name, unless a class says `kw_only=False`."""
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-        _compared: ClassVar[tuple[str, ...]]
 
     def __init_subclass__(cls, *, kw_only: bool = True) -> None:
         super().__init_subclass__()
-        dataclass(frozen=True, kw_only=kw_only, repr=False, eq=False)(cls)
-        cls._compared = tuple(each.name for each in fields(cls) if each.compare)
-
-    def __eq__(self, other: object) -> bool:
-        return other.__class__ is self.__class__ and self._list_compared() == other._list_compared()
-
-    def __hash__(self) -> int:
-        return hash(self._list_compared())
-
-    @recursive_repr()
-    def __repr__(self) -> str:
-        shown = (f"{each.name}={getattr(self, each.name)!r}" for each in fields(self) if each.repr)
-        return f"{type(self).__qualname__}({', '.join(shown)})"
-
-    def _list_compared(self) -> tuple[Any, ...]:
-        return tuple([getattr(self, name) for name in self._compared])
+        dataclass(frozen=True, kw_only=kw_only)(cls)
