@@ -133,14 +133,15 @@ def publish(
     with output.client() as client:
         impact = client.impact(calibration, at=start)
         if dry_run:
-            output.answer(impact, *_format_impact(impact))
+            output.answer(impact, *format_impact(impact), *_format_gaps(impact))
             return
-        for line in _format_impact(impact):
+        for line in format_impact(impact):
             output.note(line)
         found = client.publish(calibration, valid_from=start, valid_to=end, reason=reason)
-    gaps = [f"the certificate lacks: {gap['message']}" for gap in found.raw.get("warnings", ())]
     until = f" to {end}" if end else " on"
-    output.answer(found.raw, *gaps, f"version {found.version} is in force from {start}{until}")
+    output.answer(
+        found.raw, *_format_gaps(found.raw), f"version {found.version} is in force from {start}{until}"
+    )
 
 
 @command
@@ -244,14 +245,22 @@ def set_regions(client: Client, campaign_id: str, path: Path | None) -> None:
         client.set_frame_roi(frame_id, polygon)
 
 
-def _format_impact(impact: dict[str, Any]) -> list[str]:
+def format_impact(impact: dict[str, Any]) -> list[str]:
     changes = [
         f"{holds_for(row)}: {row['change']['value']:+.2f} ± {row['change']['standard_uncertainty']:.2f} %"
         for row in impact["coefficients"]
         if "change" in row
     ]
-    touched = len(impact["measurements"])
-    return [impact["said"], *changes, *([f"{touched} measurements were made with it"] if touched else [])]
+    for sign, key in (("gains", "isos_gained"), ("loses", "isos_lost")):
+        if isos := impact[key]:
+            changes.append(f"{sign} ISO {', '.join(f'{iso:g}' for iso in isos)}")
+    if touched := len(impact["measurements"]):
+        changes.append(f"{touched} measurements were made with the version in force")
+    return [impact["said"], *changes]
+
+
+def _format_gaps(answer: dict[str, Any]) -> list[str]:
+    return [f"the certificate lacks: {gap['message']}" for gap in answer.get("warnings", ())]
 
 
 def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option: str) -> list[str]:

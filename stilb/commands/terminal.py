@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from stilb import records, upload
-from stilb.field.push import Listener, Report
+from stilb.field.files import RAW_SUFFIXES
+from stilb.field.push import Listener, Report, Told
 from stilb.problem import Problem
 
 _MOST_DECIMALS = 7
@@ -166,7 +167,8 @@ def lines(report: Report) -> Iterator[str]:
     told = (file for file in report.files if file.outcome != "pass" or file.reasons)
     for files in group_alike(told, lambda file: (file.outcome, *file.reasons)):
         yield f"{name_some([file.name for file in files], 'files')}  {files[0].outcome}"
-        yield from (f"    {_merge(some)}" for some in zip(*(file.reasons for file in files), strict=True))
+        for some in zip(*(file.reasons for file in files), strict=True):
+            yield f"    {_merge(files, some)}"
     if report.left_out:
         yield f"left out, no rule fits: {', '.join(report.left_out)}"
     if report.receipt:
@@ -174,8 +176,10 @@ def lines(report: Report) -> Iterator[str]:
     yield report.sentence()
 
 
-def _merge(reasons: Sequence[str]) -> str:
-    """Return sentences that are equal but for their numbers as one."""
+def _merge(files: Sequence[Told], reasons: Sequence[str]) -> str:
+    """Return sentences that are equal but for their numbers as one; numbers of names are no range."""
+    if len(set(reasons)) > 1 and any(suffix in reasons[0].lower() for suffix in RAW_SUFFIXES):
+        return f"{files[0].name}: {reasons[0]}"
     ranges = (
         (min(numbers, key=float), max(numbers, key=float))
         for numbers in zip(*map(NUMBER.findall, reasons), strict=True)

@@ -252,6 +252,7 @@ def test_calibrate_with_a_frame_left_out_and_see_what_publishing_changes(command
     assert "stilb publish cal_" in command("calibrate", campaign.id, "--set", "channel=grey").out
     ended = command("publish", version.id, "--from", "2026-05-01", "--reason", "r", "--dry-run")
     assert "publishing it changes nothing there" in ended.out
+    assert "the certificate lacks: The customer is missing" in ended.out
 
 
 def test_export_lays_everything_down(command, calibrated, tmp_path):

@@ -1,5 +1,6 @@
 """Lines that a command ends with: equal ones are one, with what they hold for."""
 
+from stilb.commands.calibration import format_impact
 from stilb.commands.measurements import format_measurements
 from stilb.commands.terminal import format_findings, lines
 from stilb.field.push import Report, Told
@@ -36,6 +37,32 @@ def test_reasons_that_differ_only_in_numbers_are_told_once():
         "    Expose less.",
         "d.DNG  fail",
         "    Damaged.",
+    ]
+
+
+def test_numbers_in_the_name_of_another_file_are_no_range():
+    seen = "{}.DNG shows scene level-1 at ISO {}, 1/60 s already."
+    files = [told("b.DNG", "warn", seen.format("DJI 0001", 400))]
+    files.append(told("e.DNG", "warn", seen.format("DJI 0004", 800)))
+    report = Report(campaign_id="cmp_1", files=tuple(files), sent=0)
+    assert list(lines(report))[:-1] == [
+        "b.DNG, e.DNG  warn",
+        "    b.DNG: DJI 0001.DNG shows scene level-1 at ISO 400, 1/60 s already.",
+    ]
+
+
+def test_publishing_tells_which_iso_values_it_takes_out_of_force():
+    impact = {
+        "said": "It replaces version 1.",
+        "coefficients": [],
+        "isos_gained": [],
+        "isos_lost": [400.0, 800.0],
+    }
+    made_with_it = {"measurement_id": "msr_1"}
+    assert format_impact(impact | {"measurements": [made_with_it]}) == [
+        "It replaces version 1.",
+        "loses ISO 400, 800",
+        "1 measurements were made with the version in force",
     ]
 
 
