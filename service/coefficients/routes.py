@@ -29,6 +29,11 @@ from store.ready.series import CoefficientSeries
 from store.tables import Camera, utc_now
 
 _SAME_F_NUMBER_REL = 1e-3
+_KNOWN = {
+    "iso": "It was calibrated for ISO {}.",
+    "band": "Its bands are {}.",
+    "name": "Its coefficients are {}.",
+}
 _BEARER = "Bearer "
 
 
@@ -227,8 +232,11 @@ def _explain_none(wanted: Wanted, at: datetime, found: Sequence[lookups.Held]) -
     if not found:
         return f"No {wanted.method} calibration of this camera is in force at {rows.show_instant(at)}."
     versions = ", ".join(str(held.version) for held in found)
-    isos = sorted({item["iso"] for held in found for item in from_json(held.items) if item.get("iso")})
-    return (
-        f"Version {versions} is in force at {rows.show_instant(at)}, but has no such coefficient. "
-        f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."
-    )
+    items = [item for held in found for item in from_json(held.items)]
+    said = [f"Version {versions} is in force at {rows.show_instant(at)}, but has no such coefficient."]
+    for key, sentence in _KNOWN.items():
+        there = sorted({item[key] for item in items if key in item})
+        if wanted.chosen.get(key) not in {None, *there}:
+            known = ", ".join(f"{each:g}" if key == "iso" else each for each in there)
+            said.append(sentence.format(known) if known else f"It knows no {key}.")
+    return " ".join(said)

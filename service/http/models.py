@@ -93,11 +93,14 @@ else:
     FrameRole = Literal[tuple(role.name for role in ROLES)]
 
 _ISO_DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
+_LOST_PLUS = re.compile(r"(T[\d:.]+) (\d\d:?\d\d)$", re.ASCII)  # an address whose "+" was not escaped
 
 
 def _is_written_out(value: Any) -> Any:  # noqa: ANN401
     # pydantic would take 5 and "5" as seconds since 1970
-    if isinstance(value, date) or (isinstance(value, str) and _ISO_DAY.match(value)):
+    if isinstance(value, str) and _ISO_DAY.match(value):
+        return _LOST_PLUS.sub(r"\1+\2", value)
+    if isinstance(value, date):
         return value
     raise PydanticCustomError("written_out", "must begin with a date such as 2026-05-01")
 

@@ -183,7 +183,8 @@ _STEPS = {
     "unauthenticated": "Sign in with a valid key: stilb login URL",
     "scope_missing": "Ask an administrator of your organisation for a key with that scope, then: stilb "
     "login URL",
-    "no_calibration_in_force": "Publish a version (stilb publish), or ask for another time with --at.",
+    "no_calibration_in_force": "Ask for what there is, or for another time with --at, or publish a version "
+    "(stilb publish).",
     "regions_differ": "Measure both with the same --region or --grid, or add --other-region.",
     "campaign_incomplete": "Add the missing items, which stilb campaign show CAMPAIGN lists, then run "
     "this again.",

@@ -87,3 +87,21 @@ def test_unclear_query_is_no_quick_look_up(house, camera, query, monkeypatch):
     assert routes._read_query(query.encode()) is None
     if "iso=1&" not in query:
         assert house.http.get(f"{camera}?{query}").status_code == 422
+
+
+def test_refusal_names_what_there_is_of_what_was_asked(house, camera):
+    def told(query):
+        answer = house.http.get(f"{camera}?method=luminance&{query}")
+        assert answer.status_code == 404
+        return answer.json()["detail"].partition("no such coefficient. ")[2]
+
+    assert told("name=k") == "Its coefficients are dark_signal_dn, luminance_k."
+    assert told("band=NIR&iso=3200") == "It knows no band."
+    assert told("iso=50") == "It was calibrated for ISO 3200."
+
+
+def test_plus_of_a_zone_may_stand_unescaped_in_an_address(house, camera):
+    query = f"{camera}?method=luminance&at=2026-06-01T00:00:00"
+    assert house.http.get(f"{query}+02:00").json() == house.http.get(f"{query}%2B02:00").json()
+    assert house.http.get(f"{query}+02:00").status_code == 200
+    assert house.http.get(f"{query} 02").status_code == 422
