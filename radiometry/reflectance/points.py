@@ -197,6 +197,9 @@ class Candidate(Record):
         return self.row.features
 
 
+UNFOUND = "no region on the panel (give frames that do not show it the role field)"
+
+
 def list_missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> list[str]:
@@ -206,7 +209,7 @@ def list_missing(
     waiting = [row.frame for row in panels if row.has_region and row.features is None]
     groups = (
         ("not read yet", {*unread} - excluded, shared.NOT_READ),
-        ("no region on the panel", [row.frame for row in panels if not row.has_region], shared.NO_REGION),
+        (UNFOUND, [row.frame for row in panels if not row.has_region], shared.NO_REGION),
         ("not extracted yet", waiting, shared.NOT_EXTRACTED),
     )
     found += [name_frames(what, names, finding) for what, names, finding in groups if names]

@@ -115,7 +115,7 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
 
 
 @panels_router.post(
-    "", **answers.makes(schemas.PanelAnswer, "It was registered already, with the same figures.", 409)
+    "", **answers.makes(schemas.PanelAnswer, "It was registered; figures that no fit used are replaced.", 409)
 )
 def create_panel(body: schemas.NewPanel, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
@@ -124,8 +124,8 @@ def create_panel(body: schemas.NewPanel, caller: Calibrator, session: Session) -
     if panel.bands != values["bands"]:
         raise problems.Problem(
             interface.PANEL_DIFFERS,
-            f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
-            "a measurement does not change. Send the day of the new measurement with the new figures.",
+            f"A version used other figures of panel {panel.serial} as measured on {panel.measured_on}. "
+            "Send the day of the new measurement with the new figures.",
         )
     return changes.Reply(status=201 if new else 200, body=schemas.PanelAnswer.restate(panel))
 

@@ -13,7 +13,18 @@ from sqlalchemy.orm import Session
 from radiometry.records import Record
 from store.database import Database
 from store.queries import add, update_where
-from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, UtcDateTime, WebSession, utc_now
+from store.tables import (
+    ApiKey,
+    Base,
+    Calibration,
+    Camera,
+    Meter,
+    Organisation,
+    Panel,
+    UtcDateTime,
+    WebSession,
+    utc_now,
+)
 
 UNNAMED: Final = "an unnamed person"  # whoever acted with a key that states no person, as documents name them
 UNNAMED_LABORATORY: Final = "Unnamed laboratory"
@@ -249,5 +260,15 @@ def find_or_add_meter(session: Session, organisation_id: str, values: dict[str, 
 
 
 def find_or_add_panel(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Panel, bool]:
-    """The panel of this serial as measured on this day; its figures never change."""
-    return find_or_add(session, Panel, organisation_id, values, by=("serial", "measured_on"))
+    """The panel of this serial as measured on this day; new figures replace those that no version used."""
+    panel, is_new = find_or_add(session, Panel, organisation_id, values, by=("serial", "measured_on"))
+    if panel.bands != values["bands"]:
+        fitted = select(Calibration.inputs).where(Calibration.organisation_id == organisation_id)
+        versions = session.scalars(fitted.execution_options(yield_per=10))
+        used = {
+            (each["serial"], each["measured_on"]) for inputs in versions for each in inputs.get("panels", [])
+        }
+        if (panel.serial, panel.measured_on.isoformat()) not in used:
+            panel.bands = values["bands"]
+            session.flush()
+    return panel, is_new

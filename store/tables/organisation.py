@@ -115,7 +115,7 @@ class Meter(Identified, Audited, Dated, Owned, Base, prefix="met"):
 
 
 class Panel(Identified, Audited, Dated, Owned, Base, prefix="pnl"):
-    """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
+    """A reflectance panel as measured on a day; measured again, it is another row."""
 
     __table_args__ = (UniqueConstraint("organisation_id", "serial", "measured_on"),)
 

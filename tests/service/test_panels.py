@@ -1,4 +1,4 @@
-"""Panels are dated objects: the same twice is one, other figures are another day's."""
+"""Panels are dated objects: the same twice is one, and measured again it is another."""
 
 import pytest
 
@@ -30,14 +30,13 @@ def test_a_band_is_known_by_every_way_to_write_it(house):
     assert [band["band"] for band in panel["bands"]] == ["green", "nir", "red_edge"]
 
 
-def test_a_measurement_of_a_panel_never_changes(house):
+def test_figures_are_corrected_and_another_day_is_another_measurement(house):
     first = house.post("/v1/panels", PANEL)
     other = PANEL | {"bands": [{"band": "green", "reflectance": 0.5}]}
-    problem = house.post("/v1/panels", other, status=409)
-    assert problem["code"] == "panel_differs"
-    later = house.post("/v1/panels", other | {"measured_on": "2026-06-01"})
+    corrected = house.post("/v1/panels", other, status=200)
+    assert corrected == first | {"bands": other["bands"]} == house.get(f"/v1/panels/{first['id']}")
+    later = house.post("/v1/panels", PANEL | {"measured_on": "2026-06-01"})
     assert later["id"] != first["id"]
-    assert house.get(f"/v1/panels/{first['id']}") == first
 
 
 def test_figures_that_cannot_be_are_refused_by_name(house):

@@ -91,6 +91,13 @@ def test_a_capture_becomes_one_k_a_band(house, staged):
     assert [(row["band"], row["value"]) for row in found] == [("nir", ks["nir"]["value"])]
 
 
+def test_the_panel_that_a_version_used_keeps_its_figures(house, staged):
+    staged(begin_and_fit)
+    other = PANEL | {"bands": [{"band": "green", "reflectance": 0.5}]}
+    assert house.post("/v1/panels", other, status=409)["code"] == "panel_differs"
+    house.post("/v1/panels", PANEL, status=200)
+
+
 def test_what_is_missing_is_said_by_name(house):
     campaign = begin(house, ["green"], panel=False)
     answer = house.get(f"/v1/campaigns/{campaign['id']}")

@@ -8,7 +8,7 @@ from store.tables import AuditEntry, Camera, Campaign, ChecklistTick, Organisati
 from tests.support.campaigns import published_campaign
 from tests.support.everything import make_one_of_each
 
-HELD = ("calibration", "coefficient", "extraction", "channel_statistics", "measurement", "panel", "roi")
+HELD = ("calibration", "coefficient", "extraction", "channel_statistics", "measurement", "roi")
 NEW_METER = (
     "INSERT INTO meter (id, organisation_id, kind, make, model, serial, created_at) "
     "SELECT 'met_x', organisation_id, kind, make, model, 'x', created_at FROM meter WHERE kind = 'luminance'"

@@ -91,12 +91,12 @@ const ANOTHER = "another";
 
 /** A list of what is registered, after `none` of it; its last choice asks by `register()` for another. */
 export function registry(items, { nameOf, register, none, ...attributes }, chosen = "") {
-  const known = [...items];
-  const offer = (id) => list.replaceChildren(...optionsOf([["", none], ...inOrder(known, nameOf).map((each) => [each.id, nameOf(each)]), [ANOTHER, "Register another…"]], id));
+  const known = new Map(items.map((each) => [each.id, each]));
+  const offer = (id) => list.replaceChildren(...optionsOf([["", none], ...inOrder([...known.values()], nameOf).map((each) => [each.id, nameOf(each)]), [ANOTHER, "Register another…"]], id));
   const list = h("select", { ...attributes, onchange: async () => {
     if (list.value !== ANOTHER) return;
     const made = await register();
-    if (made) known.push(made);
+    if (made) known.set(made.id, made);
     offer(made?.id ?? "");
   } });
   offer(chosen);

@@ -367,7 +367,7 @@ def test_what_a_fit_still_lacks_is_named():
     assert lacking == (
         "to be left out, but not of this campaign: frame nobody",
         "not read yet: frame new",
-        "no region on the panel: frame panel-0-red",
+        "no region on the panel (give frames that do not show it the role field): frame panel-0-red",
         "not extracted yet: frame panel-0-green",
     )
     assert reflectance.missing((), (), PARAMS) == ("the campaign has no panel frame that can be used",)

@@ -45,10 +45,10 @@ export function targetSection(state) {
   return standing ? h("details", { class: "fold" }, h("summary", {}, `Change: ${words(standing.kind)}`), form) : form;
 }
 
-const registerPanel = () => ask({
+const registerPanel = (serial) => ask({
   title: "Register a panel",
   fields: [
-    { name: "serial", label: "Serial number", of: "NewPanel" },
+    { name: "serial", label: "Serial number", of: "NewPanel", value: serial },
     { name: "measured_on", label: "Measured on", of: "NewPanel", type: "date" },
     { name: "bands", label: "Reflectance", of: "NewPanel", type: "textarea", rows: 5, hint: "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known)." },
   ],
@@ -58,15 +58,16 @@ const registerPanel = () => ask({
 
 const nameOfPanel = ({ serial, bands, measured_on: day }) => `${serial}, ${bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${day} (${bands.map((each) => each.band).join(", ")})`;
 
-export const panelField = (panels, chosen) => field("Panel", registry(panels, { nameOf: nameOfPanel, register: registerPanel, none: "As named in the files, or the only one", name: "panel_id" }, chosen), null, about("NewCampaign", "panel_id"));
+export const panelField = (panels, chosen, offered) => field("Panel", registry(panels, { nameOf: nameOfPanel, register: () => registerPanel(offered), none: "As named in the files, or the only one", name: "panel_id" }, chosen), null, about("NewCampaign", "panel_id"));
 
 /** A campaign that began without its panel, as one from a card does, is told it in a dialog. */
 export async function choosePanel(state) {
   const panels = await all("/v1/panels");
+  const offered = state.campaign.panel_offered?.serial;
   const name = (panel_id) => patch(state.path, { panel_id });
-  if (panels.length) await ask({ title: "Panel of this campaign", body: panelField(panels, state.campaign.panel_id), submit: "Save", action: ({ panel_id }) => name(panel_id) });
+  if (panels.length) await ask({ title: "Panel of this campaign", body: panelField(panels, state.campaign.panel_id, offered), submit: "Save", action: ({ panel_id }) => name(panel_id) });
   else {
-    const made = await registerPanel();
+    const made = await registerPanel(offered);
     if (made) await name(made.id);
   }
   await state.touch();
