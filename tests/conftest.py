@@ -108,7 +108,7 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
     offered = defaultdict(set)
     for item in items:
-        if item.get_closest_marker("either_database"):
+        if item.get_closest_marker("either_database") and not item.get_closest_marker("both_databases"):
             offered[_name_test(item)].add(_read_database(item))
     items[:] = [item for item in items if _is_kept(item, offered.get(_name_test(item)))]
     if processes := os.environ.get("PYTEST_XDIST_WORKER_COUNT"):

@@ -34,6 +34,8 @@ from tests.support.processes import wait_until
 from tests.support.proxy import Proxy
 from tests.support.waiting import PATIENCE_S
 
+pytestmark = pytest.mark.either_database
+
 
 def ready(house, *, status=200):
     answer = house.http.get("/readyz")
@@ -74,7 +76,6 @@ def test_who_does_the_work_is_told_and_without_them_it_serves_and_says_so(house)
     assert (found["status"], found["warnings"]) == ("degraded", [no_worker, "a worker hangs"])
 
 
-@pytest.mark.either_database
 @pytest.mark.parametrize("error", [StorageUnavailable("no"), StorageFull("no"), PermissionError("no")])
 def test_a_file_store_that_takes_nothing(house, error):
     look_anew(house, check=Mock(side_effect=error))
@@ -83,7 +84,6 @@ def test_a_file_store_that_takes_nothing(house, error):
     assert found["checks"] == {"database": "ok", "writing": "ok", "files": "The file store takes no files."}
 
 
-@pytest.mark.either_database
 def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
     go_on = threading.Event()
     check = Mock(side_effect=lambda: go_on.wait(600))
@@ -98,7 +98,6 @@ def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
     wait_until(lambda: house.http.get("/readyz").status_code == 200)
 
 
-@pytest.mark.either_database
 def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
     go_on = threading.Event()
     go_on.set()
@@ -116,7 +115,6 @@ def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
     wait_until(lambda: house.http.get("/readyz").json().get("warnings", [])[2:] == [])
 
 
-@pytest.mark.either_database
 def test_what_a_slow_look_found_long_ago_is_not_news(house):
     """Nobody was there to hear of it: the store answered in the end, and went away since."""
     answers, away = threading.Semaphore(1), threading.Event()
@@ -137,7 +135,6 @@ def test_what_a_slow_look_found_long_ago_is_not_news(house):
     assert ready(house, status=503)["code"] == "storage_unavailable"
 
 
-@pytest.mark.either_database
 def test_s3_that_is_away_ends_readiness_at_the_first_look(
     house, s3_bucket, s3_endpoint, tmp_path, monkeypatch
 ):
@@ -153,6 +150,7 @@ def test_s3_that_is_away_ends_readiness_at_the_first_look(
                 assert ready(house, status=503)["code"] == "storage_unavailable", mode
 
 
+@pytest.mark.both_databases
 def test_a_schema_of_another_stilb(house, caplog, monkeypatch):
     house.database.guard_schema()
     with house.database.reading() as session:
@@ -178,7 +176,6 @@ def test_a_schema_of_another_stilb(house, caplog, monkeypatch):
     assert "the database has schema 9999, which is" in caplog.text
 
 
-@pytest.mark.either_database
 def test_a_database_that_only_reads(postgres, migrated_postgres, house):
     url = postgres.new_database(like=migrated_postgres)
     copy = Database(f"{url}&options=-c%20default_transaction_read_only=on")
@@ -188,7 +185,6 @@ def test_a_database_that_only_reads(postgres, migrated_postgres, house):
     postgres.drop_database(url)
 
 
-@pytest.mark.either_database
 def test_a_database_that_swallows_packets(postgres, migrated_postgres, house):
     url = postgres.new_database(like=migrated_postgres)
     folder, name = Path(url.partition("?host=")[2]), url.partition("?")[0].rpartition("/")[2]

@@ -7,6 +7,8 @@ from store.queries.organisations import create_key
 from store.tables import ApiKey, Organisation, utc_now
 from tests.support.campaigns import published_campaign
 
+pytestmark = pytest.mark.either_database
+
 QUERIES = (
     {},
     {"iso": 3200},
@@ -28,6 +30,7 @@ def look_up(house, camera, **query):
     return house.http.get(camera, params={"method": "luminance", **query})
 
 
+@pytest.mark.both_databases
 def test_ready_answers_are_those_of_the_usual_way(house, camera, monkeypatch):
     look_up(house, camera)
     with monkeypatch.context() as patch:
@@ -54,7 +57,6 @@ def test_etag_changes_with_what_is_in_force(house, camera):
     assert house.http.get(camera, params={"method": "luminance"}, headers=tag).status_code == 404
 
 
-@pytest.mark.either_database
 def test_key_that_ends_opens_nothing_more(house, camera):
     with house.database.writing("test") as session:
         own = session.query(Organisation).one().id
@@ -78,15 +80,14 @@ def test_key_that_ends_opens_nothing_more(house, camera):
     assert ask("reads") == 401
 
 
-@pytest.mark.either_database
 @pytest.mark.parametrize(
     "query", ["method=luminance&iso=1_000", "method=luminance&iso=1&iso=2", "method=luminance&isso=3200"]
 )
-def test_unclear_query_is_no_quick_look_up(house, camera, query, monkeypatch):
+def test_unclear_query_is_no_quick_look_up(sqlite_house, query, monkeypatch):
     monkeypatch.setattr(routes, "answer_held", None)
     assert routes._read_query(query.encode()) is None
     if "iso=1&" not in query:
-        assert house.http.get(f"{camera}?{query}").status_code == 422
+        assert sqlite_house.http.get(f"/v1/cameras/x/coefficients?{query}").status_code == 422
 
 
 def test_refusal_names_what_there_is_of_what_was_asked(house, camera):

@@ -263,6 +263,7 @@ def test_fifty_who_write_at_once_leave_a_whole_trail(database):
     assert (head.seq, fault) == (50, None)
 
 
+@pytest.mark.either_database
 def test_the_command_says_the_head_and_compares_it(trail, monkeypatch, capsys):
     monkeypatch.setenv("STILB_DATABASE_URL", trail.url.render_as_string(hide_password=False))
 

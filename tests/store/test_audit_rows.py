@@ -8,6 +8,8 @@ from store.tables import AuditEntry, Camera, Campaign, ChecklistTick, Organisati
 from tests.support.campaigns import published_campaign
 from tests.support.everything import make_one_of_each
 
+pytestmark = pytest.mark.either_database
+
 HELD = ("calibration", "coefficient", "extraction", "channel_statistics", "measurement", "roi")
 NEW_METER = (
     "INSERT INTO meter (id, organisation_id, kind, make, model, serial, created_at) "
@@ -43,7 +45,6 @@ def tamper(database, statement):
         assert connection.execute(text(statement)).rowcount > 0, statement
 
 
-@pytest.mark.either_database
 def test_what_nobody_touched_stands_as_the_trail_says(lived_in):
     report = check_rows(lived_in[0])
     assert (report.faults, report.unrecorded) == ([], 0)
@@ -84,7 +85,6 @@ ROUNDS = (
 )
 
 
-@pytest.mark.either_database
 def test_what_was_changed_in_sql_is_named(lived_in):
     database, ids = lived_in
     known = set()
@@ -101,7 +101,6 @@ def test_what_was_changed_in_sql_is_named(lived_in):
         known = faults
 
 
-@pytest.mark.either_database
 def test_the_command_names_a_change_and_fails(lived_in, monkeypatch, capsys):
     database, ids = lived_in
     monkeypatch.setenv("STILB_DATABASE_URL", database.url.render_as_string(hide_password=False))
@@ -114,7 +113,6 @@ def test_the_command_names_a_change_and_fails(lived_in, monkeypatch, capsys):
     assert "1 rows or fields are not as the audit trail left them" in said
 
 
-@pytest.mark.either_database
 def test_what_is_older_than_its_record_is_counted(house, staged):
     """As an upgrade finds it: results without their hash, coefficients and statistics without an entry."""
     staged(published_campaign, isos=(3200,))

@@ -15,6 +15,8 @@ from store.queries import campaigns
 from store.queries.jobs import count_queue, oldest_wait_s
 from store.tables import Campaign, Job, Organisation, utc_now
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture
 def organisation_id(database):
@@ -75,6 +77,7 @@ def test_what_waits_already_is_not_queued_twice(database, organisation_id, job_i
     assert add(database, organisation_id) != job_id
 
 
+@pytest.mark.both_databases
 def test_twenty_messages_of_three_jobs_at_once_begin_each_once(database, organisation_id, job_id):
     waiting = [job_id, *(add(database, organisation_id, f"frm_{number}") for number in (2, 3))]
     with ThreadPoolExecutor(20) as threads:
@@ -129,6 +132,7 @@ def test_what_a_stopped_worker_held_is_given_back_as_if_it_had_not_begun(databas
     check_that_it_stores_nothing(database, first)
 
 
+@pytest.mark.both_databases
 def test_who_lost_the_lease_can_store_nothing(database, job_id):
     first = claim(database)
     expire(database, job_id)
@@ -222,6 +226,7 @@ def test_what_waited_for_a_dependency_is_due_when_it_is_back(database, organisat
     assert (again.attempt, again.faulty_since is None) == (2, False)
 
 
+@pytest.mark.both_databases
 def test_the_oldest_wait_of_all_and_of_one_organisation(database, organisation_id):
     with database.reading() as session:
         assert oldest_wait_s(session) == 0.0

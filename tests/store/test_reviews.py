@@ -26,6 +26,8 @@ from tests.support.house import CAMERA
 from tests.support.meters import METER, enter_meter
 from tests.support.versions import bare_version
 
+pytestmark = pytest.mark.either_database
+
 OTHER_ROI = {"polygon": [[10, 10], [86, 10], [86, 54], [10, 54]]}
 PANEL = {"serial": "RP04", "measured_on": "2026-01-01", "bands": [{"band": "red", "reflectance": 0.5}]}
 
@@ -149,7 +151,6 @@ def scratch(house, campaign_id):
     return missing, advice, ticks, found, [encode(each) for each in state.findings]
 
 
-@pytest.mark.either_database
 def test_kept_reviews_equal_those_from_scratch(house):
     field = Field(house, seed=3)
     for step in range(24):
@@ -164,7 +165,6 @@ def revisions(house, *campaigns):
         return [session.get_one(CampaignReview, each["id"]).revision for each in campaigns]
 
 
-@pytest.mark.either_database
 def test_every_change_raises_the_revision_of_its_campaigns_alone(house):
     mine, other = house.campaign(), house.campaign(camera_id=house.camera(serial="2")["id"])
     meter = house.post("/v1/meters", METER)["id"]
@@ -198,7 +198,6 @@ def test_every_change_raises_the_revision_of_its_campaigns_alone(house):
     assert revisions(house, mine, other) == [first + 2, second + 2]
 
 
-@pytest.mark.either_database
 def test_a_fresh_review_is_read_and_not_computed(house, monkeypatch):
     campaign = house.campaign()
     house.upload(campaign, b"no photograph", role="light")
@@ -208,7 +207,6 @@ def test_a_fresh_review_is_read_and_not_computed(house, monkeypatch):
     assert not renew_next(house.worker.reviews)
 
 
-@pytest.mark.either_database
 def test_a_change_during_a_review_leaves_it_stale(house, monkeypatch):
     campaign = house.campaign()
 
@@ -225,7 +223,6 @@ def test_a_change_during_a_review_leaves_it_stale(house, monkeypatch):
     assert answers(house, campaign["id"])[2]["general_recorder"][0] == "A. Person."
 
 
-@pytest.mark.either_database
 def test_another_code_keeps_no_older_verdict(house, monkeypatch):
     campaign = house.campaign()
     house.get(f"/v1/campaigns/{campaign['id']}")
@@ -237,7 +234,6 @@ def test_another_code_keeps_no_older_verdict(house, monkeypatch):
     assert len(asked) == 1
 
 
-@pytest.mark.either_database
 def test_one_worker_reviews_a_campaign_and_rests_after_it(house, monkeypatch):
     house.campaign()
     first, second = Reviews(house.database), Reviews(house.database)

@@ -13,6 +13,8 @@ from store.jobs import Dependency
 from store.jobs.queues import LANES, QUEUES, WINDOW, touch, unsend_lost
 from store.tables import Job, Organisation, Turn, utc_now
 
+pytestmark = pytest.mark.either_database
+
 CARD = 10 * WINDOW
 _NUMBERS = count()
 
@@ -82,6 +84,7 @@ def test_in_one_round_everybody_is_served(database, post):
     assert sorted(begun[WINDOW:]) == sorted(everybody)
 
 
+@pytest.mark.both_databases
 def test_the_broker_never_has_more_than_the_window(database, post):
     everybody = organisations(database, 8)
     with ThreadPoolExecutor(8) as threads:
@@ -92,6 +95,7 @@ def test_the_broker_never_has_more_than_the_window(database, post):
     assert Counter(each.lane.queue for each in post.waiting) == dict.fromkeys(QUEUES, WINDOW)
 
 
+@pytest.mark.both_databases
 def test_whoever_brings_whatever_whenever_nobody_waits_longer_than_a_round(database, post):
     chance = random.Random(1)
     everybody = organisations(database, 10)
@@ -189,6 +193,7 @@ def test_lost_messages_are_sent_again_and_those_that_wait_are_not(database, post
     assert [post.begin().job_id for _ in range(WINDOW)] == sent
 
 
+@pytest.mark.both_databases
 def test_a_turn_that_another_holds_is_waited_for(database, post):
     """On PostgreSQL two senders would else choose the same jobs; SQLite has one writer anyway."""
     (organisation,) = organisations(database, 1)
