@@ -21,7 +21,6 @@ from radiometry.luminance.maps import compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral import mismatch
-from radiometry.spectral.lamps import LABELS, find_modulation, list_spectra
 from store.codec import encode
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.frames import frame_of
@@ -54,8 +53,6 @@ def test_flicker_is_a_line_and_flagged_where_the_mains_is_assumed():
     line, raised = correct_flicker(stated, settings, frames=4)
     assert line.u_rel == pytest.approx(0.5 * 0.2339 / math.sqrt(2) / 2, rel=0.02)
     assert not raised
-    assumed, _ = correct_flicker(FieldConditions(mains_frequency_hz=50.0), settings, frames=1)
-    assert assumed.u_rel == pytest.approx(0.2339 / math.sqrt(6), rel=1e-3)
     # 1/50 s suits 50 Hz mains but not 60 Hz
     line, raised = correct_flicker(FieldConditions(), SETTINGS, frames=1)
     assert line.u_rel == pytest.approx(math.sin(0.4 * math.pi) / (2.4 * math.pi) / math.sqrt(6))
@@ -286,58 +283,3 @@ def test_profile_replaces_any_depth_and_ten_percent():
             (found.mean.standard_uncertainty / found.mean.value, found.surface.u_o.standard_uncertainty)
         )
     assert np.array(us) == pytest.approx(np.array([[0.327, 0.268], [0.054, 0.027]]), rel=0.02)
-
-
-V = mismatch.read_observer()
-SPECTRA = {
-    kind: [mismatch.read_lamp(each) / (mismatch.read_lamp(each) @ V) for each in list_spectra(kind, None)]
-    for kind in LABELS
-}
-GRID = np.arange(81) * 5.0
-
-
-def draw_spectrum(random, kind):
-    """Draw a lamp of a kind: two of it mixed, with a slope of 3 % in 100 nm."""
-    one, other = random.integers(len(SPECTRA[kind]), size=2)
-    share = random.uniform(0.0, 0.2)
-    slope = 1.0 + random.normal(0.0, 0.03) * (GRID - 180) / 100
-    return np.maximum(((1.0 - share) * SPECTRA[kind][one] + share * SPECTRA[kind][other]) * slope, 0.0)
-
-
-def expose(random, kind, time_s):
-    """Integrate the light of a frame that begins at any phase of 50 Hz mains, in 200 steps."""
-    low, high = find_modulation(kind, None)
-    periods = 100 * time_s * (np.arange(200) + 0.5) / 200 + random.uniform()
-    return 1.0 + random.uniform(low, high) * np.mean(np.sin(2 * np.pi * periods))
-
-
-def draw_night(random, kind, time_s, k_u_rel=0.015):
-    """Return (L - truth) / truth of a night after a calibration under LED, and the u that is stated of it."""
-    response = mismatch.read_response(str(random.choice(mismatch.list_responses())))
-    body = np.column_stack([np.interp(GRID - random.normal(0.0, 2.0), GRID, each) for each in response.T])
-    greens, colours = [], []
-    for z in (draw_spectrum(random, "led"), draw_spectrum(random, kind)):
-        red, green, blue = (z @ body) / (z @ V)
-        greens.append(green)
-        colours.append((red / green, blue / green))
-    known = CalibrationConditions(colour=colours[0], lamp_kind="led")
-    field = FieldConditions(lamp_kind=kind, mains_frequency_hz=50.0)
-    spectrum, _ = correct_spectrum(field, replace(COEFFICIENT, conditions=known), colours[1])
-    flicker, _ = correct_flicker(field, replace(AT_250, exposure_time_s=time_s), frames=1)
-    shown = greens[1] / greens[0] * expose(random, kind, time_s) * (1.0 + random.normal(0.0, k_u_rel))
-    value = shown * spectrum.factor
-    return value - 1.0, value * math.hypot(k_u_rel, spectrum.u_rel, flicker.u_rel)
-
-
-@pytest.mark.parametrize(
-    ("kind", "time_s"), [*((kind, 1 / 250) for kind in SPECTRA), ("sodium", 1 / 60), ("led", 1 / 8)]
-)
-def test_intervals_of_a_kind_hold_the_truth(kind, time_s):
-    """500 nights with u(K) of 1.5 %: depth, phase, both lamps, body and K differ from night to night.
-
-    The bounds are 93 to 97 % and twice the standard error of such a share; flicker of one depth has no tails,
-    and its interval holds more.
-    """
-    random = np.random.default_rng(8)
-    errors, us = np.array([draw_night(random, kind, time_s) for _ in range(500)]).T
-    assert 0.91 <= np.mean(np.abs(errors) <= 1.96 * us) <= 0.985

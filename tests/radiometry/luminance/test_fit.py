@@ -91,7 +91,7 @@ def test_order_changes_no_bit_of_a_scattered_campaign(drawn):
     assert luminance.fit(rows, readings, params) == first
 
 
-@pytest.mark.parametrize("model", ["proportional", "affine", "power", "semilog"])
+@pytest.mark.parametrize("model", ["proportional", "semilog"])
 def test_results_are_plain_finite_json(drawn, model):
     result = luminance.fit(drawn.rows, drawn.readings, Params(model=model))
     text = json.dumps(asdict(result), allow_nan=False)
@@ -339,11 +339,9 @@ def test_what_is_missing_is_listed_by_name(rows, excluded, missing):
 @pytest.mark.parametrize(
     ("rows", "sentence"),
     [
-        (DARKS, "the campaign has no light frame that can be used"),
         ((*ROWS, replace(NEW, statistics=None)), "no statistics yet: frame new"),
         ((*ROWS, replace(NEW, scene=None)), "no scene: frame new"),
         ([row for row in ROWS if row.scene != "bright"], TOO_FEW),
-        (LIGHTS[:6], TOO_FEW),
     ],
 )
 def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, sentence):
@@ -352,11 +350,6 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, sentence):
         fit(rows)
     assert refusal.value.code is shared.FIT_INCOMPLETE
     assert sentence in refusal.value.message
-
-
-def test_frames_that_are_still_measured_are_no_missing_light_levels():
-    rows = tuple(replace(row, statistics=None) if row.scene != "dim" else row for row in LIGHTS)
-    assert [each for each in luminance.missing(rows, READINGS, PARAMS) if "usable" in each] == []
 
 
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
@@ -406,21 +399,3 @@ def test_without_dark_frames_one_of_a_time_that_was_taken_is_suggested():
 @pytest.mark.parametrize(("luminance", "known"), [(0.0, False), (1e-4, False), (5.0, True), (5e4, False)])
 def test_no_time_is_suggested_that_a_camera_may_not_have(luminance, known):
     assert (suggest(luminance=luminance)["light", 8.0] is not None) is known
-
-
-def test_guarded_verdicts_with_a_meter_that_repeats_to_2_percent():
-    """Of 20 campaigns none has a K that is off by 4 %, and most are accepted by what their u says."""
-    random = np.random.default_rng(3)
-    stated = replace(PARAMS, acceptance="guarded")
-    risks, accepted, off = [], [], []
-    for _ in range(20):
-        read = [
-            replace(each, value=each.value * (1.0 + 0.02 * random.standard_normal())) for each in READINGS
-        ]
-        (one,) = (result := fit(readings=read, params=stated)).iso_fits
-        risks.append(one.beyond_tolerance_risk)
-        accepted.append(result.passed)
-        off.append(max(abs(k.luminance_k / K - 1.0) for k in one.coefficient.apertures))
-    assert max(off) < stated.tolerance_rel
-    assert np.mean(risks) < 0.1
-    assert sum(accepted) >= 10

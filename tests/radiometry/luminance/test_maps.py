@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Exposure
@@ -19,7 +17,6 @@ from tests.radiometry.frames import frame_of
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
 GREY = replace(SCALE, channel="grey")
 PATTERNS = ("RGGB", "GBRG", "BGGR", "GRBG")
-MIRRORED = {"RGGB": "RGGB", "BGGR": "BGGR", "GBRG": "GRBG", "GRBG": "GBRG"}
 
 
 def make_frame(samples, cfa="RGGB", white=4095.0, row0=0, col0=0):
@@ -91,16 +88,6 @@ def test_blocks_make_the_whole_to_the_last_bit(cfa, scale):
         block = compute_map(make_frame(part, cfa, row0=row0, col0=col0), scale)
         inner = block[top - row0 : bottom - row0, left - col0 : right - col0]
         np.testing.assert_array_equal(inner, whole[top:bottom, left:right])
-
-
-@pytest.mark.parametrize("scale", [SCALE, GREY], ids=["green", "grey"])
-@pytest.mark.parametrize("cfa", PATTERNS)
-@given(st.integers(2, 12), st.integers(2, 12), st.integers(0, 99))
-def test_a_transposed_image_gives_the_transposed_map(cfa, scale, height, width, seed):
-    samples = draw_samples((height, width), top=4300, seed=seed)
-    found = compute_map(make_frame(samples, cfa), scale)
-    turned = compute_map(make_frame(samples.T, MIRRORED[cfa]), scale)
-    np.testing.assert_array_equal(turned, found.T)
 
 
 def test_saturated_green_makes_itself_and_its_neighbours_unknown():

@@ -19,7 +19,7 @@ from radiometry.vignetting.channels import fit_channel
 from radiometry.vignetting.falloff import DarkError
 from radiometry.vignetting.light import estimate_dark_drift, estimate_dark_error, merge_dark_errors
 from simulation.camera import change, take
-from simulation.targets import FALLOFFS, FAST_LENS, plan_flat
+from simulation.targets import FALLOFFS, plan_flat
 from tests.radiometry.frames import frame_of
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, exact_blocks, flat, row, whole
 
@@ -140,14 +140,6 @@ def test_block_means_and_slopes_are_those_of_the_pixels():
     by_col = average(7.3, 18.1 + step).means - average(7.3, 18.1 - step).means
     for slopes, moved in zip(found.slopes, (by_row, by_col), strict=True):
         np.testing.assert_allclose(slopes, moved / (2 * step), rtol=1e-5, atol=1e-9)
-
-
-def test_the_simulated_lens_is_what_it_says():
-    lens = change(FAST_LENS, height_px=300, width_px=400, centre_px=(100.0, 200.0))
-    share = lens.share(1.4)
-    assert share[100, 200] == 1.0
-    # 150 rows below the centre: r^2 = 0.36 of R = 250 px
-    assert share[250, 200] == pytest.approx(1 - 0.62 * 0.36 + 0.20 * 0.36**2 - 0.08 * 0.36**3)
 
 
 # --- The error of the dark level: by hand, through the fit, and against flats whose dark level is wrong
