@@ -1,6 +1,7 @@
 """The board, and the places of its corners in a picture."""
 
 import math
+from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
@@ -187,6 +188,10 @@ def find_corners(grey: Grey, target: Target) -> Found:
         if coded and len(_find_charuco(np.ascontiguousarray(small[:, ::-1]), target)[0]) >= FEWEST_CORNERS:
             return _nothing(f"the picture is mirrored: the {target.name} was found in its mirror image alone")
         seen = f": {len(indices)} of its {target.corners} corners were seen" if len(indices) else ""
+        if not coded and min(target.columns, target.rows) > 3:
+            fewer = replace(target, columns=target.columns - 1, rows=target.rows - 1)
+            if len(_find_checkerboard(small, fewer)[0]):
+                seen = f", but a {fewer.name}: count these, not the squares"
         return _nothing(f"the {target.name} was not found{seen}")
     rough = (rough + 0.5) * scale - 0.5
     return _place(grey, target, indices, rough)

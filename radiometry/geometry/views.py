@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import mode
 from typing import Final
 
 import numpy as np
@@ -260,9 +261,12 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     if unsearched:
         found.append(grouping.name_frames("not searched for the board yet", unsearched, shared.NOT_EXTRACTED))
     waiting = len(unread) + len(unsearched)
-    usable = sum(not candidate.left_out for candidate in collect_candidates(rows, params))
+    candidates = collect_candidates(rows, params)
+    left_out = [each.left_out for each in candidates if each.left_out]
+    usable = len(candidates) - len(left_out)
     if usable + waiting < FEWEST_VIEWS:
-        found.append(f"{FEWEST_VIEWS} views of the board are needed at least, {usable} can be used")
+        why = f"; others: {mode(left_out)}" if left_out else ""
+        found.append(f"{FEWEST_VIEWS} views of the board are needed at least, {usable} can be used{why}")
     return tuple(found)
 
 

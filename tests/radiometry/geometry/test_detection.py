@@ -18,6 +18,7 @@ SMALL = CameraModel(
 PICTURE = {"dark_dn": 20.0, "bright_dn": 220.0, "noise_dn": 1.0}
 RAW = {"dark_dn": 200.0, "bright_dn": 3500.0, "noise_dn": 15.0}
 BIG_BOARD = Target(kind="checkerboard", columns=5, rows=4, square_size_mm=25.0)
+SQUARES = replace(BIG_BOARD, columns=6, rows=5)
 
 
 def render(target, seed, light=PICTURE):
@@ -122,6 +123,7 @@ def test_a_large_frame_is_searched_small_and_placed_large(picture):
     ("target", "said"),
     [
         (BOARD, "the checkerboard of 9 x 6 inner corners was not found"),
+        (SQUARES, f"the {SQUARES.name} was not found, but a {BIG_BOARD.name}: count these, not the squares"),
         (CHARUCO, "the ChArUco board of 7 x 5 squares was not found"),
     ],
 )
