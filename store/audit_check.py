@@ -26,7 +26,7 @@ from sqlalchemy.orm import Session
 from radiometry.records import Record
 from store import files, settings
 from store.audit import digest, digest_row, digest_value, name_part
-from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema
+from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema, summarise
 from store.tables import AuditChain, AuditEntry, AuditHead, Organisation
 from store.tables.base import Audited, AuditedTogether, Base, UtcDateTime, utc_now
 
@@ -414,7 +414,7 @@ def main(arguments: list[str] | None = None) -> int:
             damaged = files.count_damaged(session)
     except SQLAlchemyError as error:
         code = OTHER_SCHEMA_EXIT if isinstance(error, SchemaDiffers) else 1
-        return _fail(f"the audit trail cannot be read: {error}", code)
+        return _fail(f"the audit trail cannot be read: {summarise(error)}", code)
     finally:
         database.dispose()
     if fault is not None:

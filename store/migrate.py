@@ -1,12 +1,14 @@
 """Brings a database to the schema of this code. ``python -m store.migrate`` does it and says so."""
 
 import argparse
+import os
 import sys
+import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sqlalchemy import Connection, create_engine, inspect, make_url, text
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.database import Database, SchemaDiffers, summarise
@@ -99,6 +101,12 @@ def main() -> int:
     except SchemaDiffers as error:
         print(f"stilb: {error}; start the newer one", file=sys.stderr)  # noqa: T201
         return 3
+    except SQLAlchemyError as error:
+        if not (is_away := isinstance(error, OperationalError)):
+            traceback.print_exc()
+        reason = f"the database cannot be used: {summarise(error)}; see STILB_DATABASE_URL"
+        print(f"stilb: {reason}", file=sys.stderr)  # noqa: T201
+        return os.EX_TEMPFAIL if is_away else 2
     finally:
         database.dispose()
     return 0

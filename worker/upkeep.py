@@ -117,7 +117,8 @@ class Upkeep:
     def __init__(self, context: Context, presence: processes.Presence, *, lead: Callable[[], None]) -> None:
         """``lead`` begins, once, what one process of all workers is enough for."""
         self._context, self._presence, self._lead = context, presence, lead
-        self._leads = self._renews = self._store_away = False
+        self._leads = self._renews = False
+        self._away: dict[str, str] = {}
         self._wall = ClockWatch()
         self._renewed_at = 0.0
         self._away_since: float | None = None
@@ -176,16 +177,20 @@ class Upkeep:
         if leads and not self._leads:
             self._leads = True
             self._lead()
-        if self._renews or found.lost or found.unsent or found.late:
-            self._sweep(lost=found.lost, late=found.late)
-        if found.held_back or self._store_away:
+        late = found.late or Dependency.BROKER in self._away
+        if self._renews or found.lost or found.unsent or late:
+            self._sweep(lost=found.lost, late=late)
+        if found.held_back or Dependency.BLOBS in self._away:
             self._check_store()
         if found.stale and (campaign_id := context.reviews.claim_next()) and context.database.post:
             context.database.post.send([queues.Message(queues.REVIEW, None, campaign_id)])
 
     def _sweep(self, *, lost: bool, late: bool) -> None:
         database = self._context.database
-        waiting = database.post.count() if database.post and late else None
+        waiting = None
+        if database.post and late:
+            waiting = database.post.count()
+            self._note(Dependency.BROKER, away=waiting is None)
         with database.writing("sweeper") as session:
             if lost or self._renews:
                 mend_times(session, lease_s=self._context.settings.lease_s, jumped=self._renews)
@@ -197,11 +202,16 @@ class Upkeep:
     def _check_store(self) -> None:
         """Send again what waits for the file store, once it serves; until then nothing that needs it is."""
         away = not serves(self._context.blobs)
-        if away != self._store_away:
-            self._store_away = away
-            label = Dependency.BLOBS.label
-            log.warning("%s %s", label, "does not serve; what needs it waits" if away else "serves again")
-            self._presence.note(away={Dependency.BLOBS: utc_now().isoformat()} if away else {})
+        self._note(Dependency.BLOBS, away=away)
         if not away:
             with self._context.database.writing("sweeper") as session:
                 resume(session, Dependency.BLOBS)
+
+    def _note(self, what: Dependency, *, away: bool) -> None:
+        if away != (what in self._away):
+            log.warning(
+                "%s %s", what.label, "does not serve; what needs it waits" if away else "serves again"
+            )
+            kept = {each: since for each, since in self._away.items() if each != what}
+            self._away = kept | ({what: utc_now().isoformat()} if away else {})
+            self._presence.note(away=self._away)

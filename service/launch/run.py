@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import Literal
+from urllib.parse import SplitResult, urlsplit
 
 from radiometry.records import Record
 from service.launch import valkey
@@ -78,7 +80,7 @@ def read_apart() -> Wanted:
     return read
 
 
-READY_WITHIN_S = 120.0
+READY_WITHIN_S, TELL_AFTER_S = 120.0, 15.0
 
 
 class Roster(Record):
@@ -142,9 +144,11 @@ def _run(settings: Wanted, roster: Roster, signals: Signals, stack: ExitStack) -
     for part in roster.parts:
         supervisor.start(part)
     if broker is not None:
-        _wait("Valkey", lambda: valkey.answers(broker), supervisor, signals)
+        _wait("Valkey", lambda: not valkey.answers(broker) and "no answer", supervisor, signals)
+    elif not _is_reachable(address := urlsplit(settings.broker_url)):
+        report(f"no broker answers at {address.hostname}: jobs wait for it; see STILB_BROKER_URL")
     if roster.serves:
-        _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
+        _wait("the service", lambda: _find_obstacle(settings.host, port), supervisor, signals)
     if roster.serves and not signals.stops:
         print(f"ready http://{_name_address(settings.host, port)} key {key}", flush=True)  # noqa: T201 (a contract with scripts)
     while not signals.stops:
@@ -170,28 +174,48 @@ def _run_to_its_end(command: Sequence[str], environment: dict[str, str], lock: i
     reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1].removeprefix(
         "stilb: "
     )
-    raise Refusal(reason, Exit.NEWER_SCHEMA if done.returncode == Exit.NEWER_SCHEMA else Exit.CANNOT_START)
+    # a database that does not answer may do so later, such as after a start of the whole machine
+    codes = {Exit.NEWER_SCHEMA: Exit.NEWER_SCHEMA, os.EX_TEMPFAIL: Exit.GAVE_UP}
+    raise Refusal(reason, codes.get(done.returncode, Exit.CANNOT_START))
 
 
-def _wait(what: str, condition: Callable[[], bool], supervisor: Supervisor, signals: Signals) -> None:
-    deadline = time.monotonic() + READY_WITHIN_S
-    while not signals.stops and not condition():
-        if time.monotonic() > deadline and has_room(supervisor.data):
-            raise GaveUp(
-                f"{what} was not ready within {READY_WITHIN_S:g} s: read the logs of this data folder"
-            )
+def _wait(
+    what: str, find_obstacle: Callable[[], str | Literal[False]], supervisor: Supervisor, signals: Signals
+) -> None:
+    began, is_told = time.monotonic(), False
+    while not signals.stops and (obstacle := find_obstacle()):
+        waited_s = time.monotonic() - began
+        if waited_s > READY_WITHIN_S and has_room(supervisor.data):
+            logs = f"the logs in {supervisor.data / 'logs'} may say more"
+            raise GaveUp(f"{what} was not ready within {READY_WITHIN_S:g} s ({obstacle}): {logs}")
+        if waited_s > TELL_AFTER_S and not is_told:
+            report(f"waiting for {what}: {obstacle}")
+            is_told = True
         signals.wait(min(supervisor.look_after(), 0.03))
 
 
-def _is_ready(host: str, port: int) -> bool:
+def _find_obstacle(host: str, port: int) -> str:
     # no library: this process outlives its question, and shall be small
     asked = f"GET /readyz HTTP/1.1\r\nHost: {_name_address(host, port)}\r\nConnection: close\r\n\r\n"
     try:
         with socket.create_connection((_reachable(host), port), timeout=2.0) as connection:
             connection.sendall(asked.encode())
-            return connection.recv(64).partition(b" ")[2].startswith(b"200 ")
+            with connection.makefile("rb") as answer:
+                if answer.readline().partition(b" ")[2].startswith(b"200 "):
+                    return ""
+                detail = answer.read().partition(b'"detail":"')[2].partition(b'"')[0]
+                return detail.decode(errors="replace") or "it refuses"
     except OSError:
-        return False
+        return "no answer"
+
+
+def _is_reachable(broker: SplitResult) -> bool:
+    """Return whether something answers there; of a socket in the file system that is not asked."""
+    try:
+        with socket.create_connection((broker.hostname or "", broker.port or 6379), timeout=2.0):
+            return True
+    except (OSError, ValueError):
+        return broker.hostname is None
 
 
 def _name_address(host: str, port: int) -> str:

@@ -63,6 +63,7 @@ class Report(Record):
         at_work = {part.kind for part in self.parts if part.state == "working"}
         return [
             *([] if "worker" in at_work else ["no worker is at work: jobs wait"]),
+            *(f"{each.label.lower()} does not serve the workers: jobs wait" for each in self._missed()),
             *(f"a {part.kind} hangs" for part in self.parts if part.state == "hung"),
             *(
                 f"the check of {finding.name} has taken {finding.slow_s:.1f} s so far"
@@ -71,6 +72,11 @@ class Report(Record):
             ),
             *([f"stored files damaged or missing: {self.damaged_files}"] if self.damaged_files else []),
         ]
+
+    def _missed(self) -> list[jobs.Dependency]:
+        working = (part for part in self.parts if part.state == "working")
+        away = {each for part in working for each in part.details.get("away", {})}
+        return [each for each in jobs.Dependency if each in away]
 
 
 @dataclass

@@ -33,10 +33,11 @@ class Dependency(StrEnum):
     DATABASE = "database"
     BLOBS = "blobs"
     DECODER = "decoder"
+    BROKER = "broker"
 
     @property
     def label(self) -> str:
-        return {"database": "The database", "blobs": "The file store", "decoder": "The decoder"}[self]
+        return "The file store" if self is Dependency.BLOBS else f"The {self}"
 
 
 class LeaseLost(Exception):  # noqa: N818  it is what happened, not a fault

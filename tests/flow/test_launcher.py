@@ -70,6 +70,14 @@ def test_data_of_a_newer_stilb_are_refused_and_left_alone(data, migrated_sqlite)
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
 
 
+def test_where_no_database_answers_a_supervisor_may_start_it_again(data, monkeypatch):
+    monkeypatch.setenv("STILB_DATABASE_URL", "postgresql+psycopg://stilb@127.0.0.1:1/stilb")
+    code, line = refused(data)
+    assert (code, "Connection refused" in line) == (1, True)
+    unit = (ROOT / "docs/deploy/stilb.service").read_text()
+    assert "RestartPreventExitStatus=2 3 4" in unit
+
+
 def test_nothing_outlives_a_killed_make(data):
     """Nor the launcher, which ends with it."""
     up = ["make", "-s", "-C", str(ROOT), "-o", ".venv/run", "up"]

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import redis
 
-from service.launch.run import Roster, Wanted, _is_ready, launch
+from service.launch.run import Roster, Wanted, _find_obstacle, launch
 from service.launch.supervisor import AwakeClock, Part
 from service.up import ROSTER, give_grace
 from tests.support.disks import filled, small_disk
@@ -24,13 +24,32 @@ from tests.support.waiting import status_of
 GIVEN = "given-to-the-launcher-by-its-environment"
 
 
-@pytest.mark.parametrize(("status", "is_ready"), [(b"200 OK", True), (b"503 Service Unavailable", False)])
-def test_the_service_is_ready_when_it_says_so(status, is_ready):
+@pytest.mark.parametrize(
+    ("answer", "obstacle"),
+    [
+        (b"200 OK\r\n\r\n", ""),
+        (
+            b'503 Service Unavailable\r\n\r\n{"detail":"Not ready (files): It hangs."}',
+            "Not ready (files): It hangs.",
+        ),
+        (b"503 Service Unavailable\r\n\r\n", "it refuses"),
+    ],
+)
+def test_the_service_is_ready_when_it_says_so_and_else_says_what_is_in_the_way(answer, obstacle):
     with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(_is_ready, *server.getsockname())
+        asked = pool.submit(_find_obstacle, *server.getsockname())
         with server.accept()[0] as connection:
-            connection.sendall(b"HTTP/1.1 " + status + b"\r\n\r\n")
-            assert asked.result() is is_ready
+            assert connection.recv(1000).startswith(b"GET /readyz ")
+            connection.sendall(b"HTTP/1.1 " + answer)
+        assert asked.result() == obstacle
+
+
+def test_a_broker_that_does_not_answer_is_told_and_it_serves(tmp_path):
+    with launched(tmp_path, parts=("serve",), STILB_BROKER_URL="redis://127.0.0.1:1/0") as process:
+        ready(process)
+        process.terminate()
+        told = "stilb: no broker answers at 127.0.0.1: jobs wait for it; see STILB_BROKER_URL\n"
+        assert process.communicate(timeout=90)[1] == told
 
 
 def children_named(process, name):

@@ -1,5 +1,6 @@
 """Migrations go up and down on both databases, and end where the tables say."""
 
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +15,7 @@ from sqlalchemy import CheckConstraint, func, inspect, select, text
 from sqlalchemy.exc import IntegrityError
 
 from service.__main__ import found
+from store.audit_check import main as check_audit
 from store.database import Database, SchemaDiffers
 from store.migrate import alembic_config, find_difference, main, migrate
 from store.publications import publish
@@ -58,6 +60,16 @@ def test_a_check_tells_another_schema_and_a_newer_one_is_left_alone(empty):
         migrate(empty)
     with empty.engine.connect() as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
+
+
+def test_a_database_that_cannot_be_used_is_a_line_that_says_why(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STILB_DATABASE_URL", "postgresql+psycopg://stilb@127.0.0.1:1/stilb")
+    monkeypatch.setenv("STILB_DATA", str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["migrate"])
+    assert (main(), check_audit([])) == (os.EX_TEMPFAIL, 1)
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2
+    assert all("Connection refused" in line for line in told)
 
 
 def test_the_console_commands_check_and_show_the_schema(tmp_path, monkeypatch, capsys):

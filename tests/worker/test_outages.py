@@ -11,7 +11,7 @@ from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from store.blobs import StorageUnavailable
-from store.jobs import begin
+from store.jobs import begin, queues
 from store.jobs.processes import Presence, list_parts
 from store.jobs.queues import WINDOW
 from store.tables import Job, utc_now
@@ -137,6 +137,25 @@ def test_a_store_that_is_away_is_asked_for_by_few_jobs_and_comes_back_to_all(
     assert [(record.getMessage(), record.exc_info) for record in caplog.records] == [
         ("The file store does not serve; what needs it waits", None),
         ("The file store serves again", None),
+    ]
+
+
+def test_a_broker_that_is_away_is_told_while_jobs_wait_for_it(house, worker, frames, monkeypatch, caplog):
+    caplog.set_level(logging.WARNING)
+    monkeypatch.setattr(queues, "LOST_AFTER_S", 0.0)
+    monkeypatch.setattr(worker.broker, "count", lambda: None)
+    worker.upkeep.do_turn()
+    worker.upkeep.do_turn()
+    ready = house.http.get("/readyz").json()
+    assert ready["warnings"] == ["the broker does not serve the workers: jobs wait"]
+    assert 'stilb_workers_without{dependency="broker"} 1.0' in house.http.get("/metrics").text
+    monkeypatch.undo()
+    worker.upkeep.do_turn()
+    worker.upkeep.do_turn()
+    assert (away(house), set(states(house, frames))) == ([[]], {"queued"})
+    assert [record.getMessage() for record in caplog.records] == [
+        "The broker does not serve; what needs it waits",
+        "The broker serves again",
     ]
 
 
