@@ -128,6 +128,7 @@ const SAID = {
   roi_outside_frame: "region outside the frame", roi_unfit: "region does not fit this frame", apex_missing: "no APEX values, nominal exposure used",
   prnu_large: "PRNU above 5 %", diffuse_assumed: "diffuse surface assumed", panel_only: "sunshine sensor not used",
   body_and_lens_confounded: "body and lens not told apart", mirror_not_excluded: "mirrored board not excluded",
+  led: "LED", led_ripple: "LED with a simple or unknown driver", led_phase_dimmed: "LED dimmed by phase",
 };
 
 const KINDS = {

@@ -4,7 +4,7 @@ import { get, patch, put, runJob } from "../api.js";
 import { ask } from "../ask.js";
 import { drawFindings, small } from "../causes.js";
 import { act, budgetBar, byId, empty, fill, h, load, mark, may, svg, table } from "../dom.js";
-import { exposureTime, fixed, number, percent, unit, withUncertainty, words } from "../format.js";
+import { exposureTime, fixed, number, percent, stateWords, unit, withUncertainty, words } from "../format.js";
 import { MARKS, said, typePoints } from "./list.js";
 import { axisOf, drawMap } from "./map.js";
 import { drawSite } from "./site.js";
@@ -52,7 +52,7 @@ async function show() {
 
 function drawAnswer(result) {
   const first = result.frames[0];
-  fill(byId("under"), [`${result.frames.length} frames at ${exposureTime(first.exposure_time_s)}, at most ${number(result.grid.view_deg, 2)}° off nadir`, `${first.camera}, K version ${first.calibration_version}`, `${words(result.stated.conditions?.lamp_kind ?? "lamp not stated")}, ${result.stated.conditions?.surface ?? "surface not stated"}`, result.as_found ? "as found" : "maintained"].map((text) => h("span", {}, text)));
+  fill(byId("under"), [`${result.frames.length} frames at ${exposureTime(first.exposure_time_s)}, at most ${number(result.grid.view_deg, 2)}° off nadir`, `${first.camera}, K version ${first.calibration_version}`, `${stateWords(result.stated.conditions?.lamp_kind ?? "lamp not stated")}, ${result.stated.conditions?.surface ?? "surface not stated"}`, result.as_found ? "as found" : "maintained"].map((text) => h("span", {}, text)));
   fill(byId("exports"), [["report.pdf", "Report (PDF)"], ["points.csv", "CSV"], ["points.geojson", "GeoJSON"]].map(([name, text]) => h("a", { class: "button", href: result.links[name], download: name }, text)));
   fill(byId("figures"), h("dl", { class: "road-figures" }, result.figures.map((each) => h("div", {}, h("dt", {}, NAMES[each.figure][0], " ", sign(each.figure)), h("dd", {}, h("b", {}, withUncertainty(each.value, each.expanded_uncertainty)), each.unit === "1" ? "" : ` ${unit(each.unit)}`)))));
   drawLimits(result);
