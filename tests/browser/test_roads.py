@@ -252,6 +252,8 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(road_page):
     check_access(page, DIALOG)
     adds.click()
     site = page.locator("#site")
+    expect(site.get_by_role("status")).to_contain_text("Move 4 more marks")
+    expect(site.get_by_role("button", name="Save")).to_be_disabled()
     corners = [mark for mark in MARKS if mark["x_m"] != SPACING_M / 2]
     for number, (x, y) in enumerate(((0, 0), (30, 0), (30, 6), (0, 6)), start=1):
         fields = site.get_by_role("group", name=f"Mark {number}")
@@ -271,7 +273,7 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(road_page):
     page.get_by_role("button", name="Evaluate").click()
     expect(page.locator("#verdict")).to_contain_text("against class C4")
     expect(page.locator("#figures")).to_contain_text("Power density")
-    expect(page.locator("#under")).to_contain_text("led, dry")
+    expect(page.locator("#under")).to_contain_text("LED, dry")
 
 
 def test_lanes_that_were_measured_become_a_road(road_page, house, road):

@@ -5,7 +5,7 @@ import { numberOf, optionsOf } from "../ask.js";
 import { HandleView } from "../campaign/picture-view.js";
 import { small } from "../causes.js";
 import { act, byId, fill, h, may, segments, svg, toast, wrong } from "../dom.js";
-import { groupBy, number } from "../format.js";
+import { counted, groupBy, number } from "../format.js";
 import { placed } from "../measurement/surface.js";
 import { FEWEST_MARKS, addFrame, cornersOf } from "./list.js";
 
@@ -115,6 +115,8 @@ export function drawSite(road, changed) {
   let drawn = null;
   const past = [];
   const mine = may("calibrate");
+  let proposed = []; // places [px] of marks that a person is to move
+  const unmoved = () => draft.frames.flatMap((each) => each.marks ?? []).filter((mark) => proposed.includes(`${mark.x_px},${mark.y_px}`)).length;
   const marks = () => draft.frames.find((each) => each.frame_id === frame?.id)?.marks ?? [];
   const tool = {
     handles: () => (!mine || !frame ? [] : kind === "marks" ? marks().map(markHandle) : lens ? siteHandles(draft.site, lens) : []),
@@ -167,12 +169,11 @@ export function drawSite(road, changed) {
     if (!chosen) return;
     const { x, y } = fieldOf(draft.site);
     const pixels = [[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]].map(([u, v]) => [Math.round(u * chosen.width_px), Math.round(v * chosen.height_px)]);
-    const corners = cornersOf(x, y, pixels);
-    if (!draft.frames.some((each) => each.frame_id === chosen.id)) change(() => draft.frames.push({ frame_id: chosen.id, marks: corners }));
-    await list();
+    proposed = pixels.map(String);
+    if (!draft.frames.some((each) => each.frame_id === chosen.id)) change(() => draft.frames.push({ frame_id: chosen.id, marks: cornersOf(x, y, pixels) }));
     kinds.firstChild.click();
-    frames.value = chosen.id;
     await choose(chosen.id);
+    await list();
   }
 
   function turn(chosen) {
@@ -191,7 +192,7 @@ export function drawSite(road, changed) {
   /** A step is whole: draw it, write its figures, and place the picture again. */
   function settle() {
     undo.disabled = !past.length;
-    save.disabled = !past.length;
+    save.disabled = !past.length || unmoved() > 0;
     canvas.draw();
     if (drawn && kind === "site") fill(told, "Touch the corners of the area one after another.");
     fill(fields, mine ? (kind === "marks" ? marks().map((mark, at) => figures(`Mark ${at + 1}`, mark, MARK, () => marks().splice(at, 1))) : siteFields()) : null);
@@ -208,7 +209,7 @@ export function drawSite(road, changed) {
       const answer = await post(`/v1/roads/${road.id}/placement`, asked);
       if (!latest()) return;
       lens = placed(answer);
-      fill(told, `Placed by ${asked.marks.length} marks, to ± ${number(answer.place_u_m, 2)} m.`);
+      fill(told, unmoved() ? `Move ${counted(unmoved(), "more mark")} to its place in the picture.` : `Placed by ${asked.marks.length} marks, to ± ${number(answer.place_u_m, 2)} m.`);
     } catch (error) {
       if (!error.code) throw error;
       if (!latest()) return;
