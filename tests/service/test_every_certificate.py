@@ -229,7 +229,7 @@ def test_the_points_of_a_fit_are_flat(sqlite_house, version_of):
     assert "[" not in text
 
 
-@pytest.mark.parametrize("method", ["vignetting", "noise", "reflectance"])
+@pytest.mark.parametrize("method", ["vignetting", "reflectance"])
 def test_a_frame_with_an_empty_half_is_left_out(sqlite_house, version_of, method):
     house, version = sqlite_house, version_of(method)
     used = [house.get(f"/v1/frames/{point['frame_id']}") for point in version["points"] if point["used"]]

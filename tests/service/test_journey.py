@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from radiometry.fitting.sources import K_UNITS
 from store.logs import add_fields
 from store.tables import Blob
 from tests.support.campaigns import ISOS, K_TRUE, LEVELS, calibrate, calibrated_campaign, upload_campaign
@@ -121,11 +120,3 @@ def test_points_and_plot_of_a_version(house, staged, monkeypatch):
         f"/v1/calibrations/{version['id']}/plot.svg", headers={"If-None-Match": plot.headers["etag"]}
     )
     assert (again.status_code, again.content) == (304, b"")
-
-
-def test_k_has_the_unit_of_its_model(house, staged):
-    campaign = staged(upload_campaign, isos=(3200,))
-    for model, expected in K_UNITS.items():
-        version = calibrate(house, campaign, model=model)
-        units = {c["unit"] for c in version["coefficients"] if c["name"] == "luminance_k"}
-        assert units == {expected}, model

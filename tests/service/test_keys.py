@@ -45,6 +45,7 @@ def test_a_scope_that_is_missing_is_named(house):
             "/v1/cameras",
             "/v1/campaigns/x/frames?role=light",
             "/v1/calibrations/x/publish",
+            "/v1/recalls/x/confirm",
             "/v1/keys",
         ):
             answer = weak.post(

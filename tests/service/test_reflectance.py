@@ -122,13 +122,6 @@ def test_of_two_panels_one_must_be_named(house, staged):
     assert house.get(f"/v1/campaigns/{campaign['id']}")["panel_id"] == named["id"]
 
 
-def test_parameters_of_another_method_are_refused_by_name(house, staged):
-    campaign = staged(begin, bands=("green",))
-    path = f"/v1/campaigns/{campaign['id']}/calibrations"
-    problem = house.post(path, {"model": "affine", "tolerance": 0.1}, status=422)
-    assert {error["field"] for error in problem["errors"]} == {"body.model", "body.tolerance"}
-
-
 def test_without_the_sunshine_sensor_k_holds_for_one_light(house, staged):
     campaign = staged(begin, bands=("green",))
     version = house.fit(campaign, normalisation="panel_only")
