@@ -35,7 +35,7 @@ from tests.radiometry.reflectance import captures
 from tests.radiometry.sharpness import shots
 from tests.radiometry.vignetting import flats
 
-SIZES = [(96, 128), (113, 113), (127, 97), (173, 131), (512, 640)]
+SIZES = [(96, 128), (113, 113), (512, 640)]
 every_size = pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[1]}x{size[0]}")
 
 

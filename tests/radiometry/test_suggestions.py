@@ -49,13 +49,6 @@ def test_a_good_campaign_lacks_nothing():
     assert luminance.missing(GOOD, READ, Params()) == ()
 
 
-def test_a_scene_without_a_reading_is_said_once():
-    left = [r for r in READ if r.scene != "c"]
-    sentence = "scene c has no luminance reading"
-    assert sentence not in advice(readings=left)
-    assert sentence in luminance.missing(GOOD, left, Params())
-
-
 def test_no_dark_frames():
     assert advice(lights(*LEVELS)) == ("no dark frames at ISO 3200",)
     higher = [light(scene, 8.0, iso=6400.0, luminance=value) for scene, value in LEVELS.items()]

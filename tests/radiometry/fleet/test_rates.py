@@ -88,8 +88,8 @@ def opposed(cameras):
 @pytest.mark.parametrize(
     ("place", "wrong", "repeats", "repeatability"),
     [
-        *((alone, "shared", each, REPEATABILITY / 3) for each in ([2, 2, 2], [12, 2, 3, 3], [3] * 6)),
-        *((opposed, "per_camera", each, REPEATABILITY) for each in ([2, 2, 2], [12, 2, 3, 3], [3, 2])),
+        *((alone, "shared", each, REPEATABILITY / 3) for each in ([2, 2, 2], [3] * 6)),
+        *((opposed, "per_camera", each, REPEATABILITY) for each in ([12, 2, 3, 3], [3, 2])),
     ],
 )
 def test_the_wrong_verdict_is_rare_where_that_is_hardest(place, wrong, repeats, repeatability):

@@ -224,14 +224,6 @@ def test_iso_values_taken_in_turn_lie_apart_from_the_reading():
     assert [each.level_u_rel for each in found] == pytest.approx([distance * per_minute] * 4)
 
 
-def test_drift_is_a_line_of_the_budget():
-    budget = {line.source: line for line in fit().iso_fits[0].budget}
-    assert budget["lamp drift"].u_rel == pytest.approx(0.006)
-    assert budget["lamp drift"].kind == "B"
-    steady = fit(params=replace(PARAMS, lamp_drift_u_rel=0.0))
-    assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
-
-
 def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
     """Readings without times: a steady lamp lowers its line of the budget, one that drifts raises it."""
 
@@ -248,12 +240,11 @@ def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
     assert budget(0.04) > 0.009
 
 
-@pytest.mark.parametrize("drift", [0.02, -0.02])
-def test_readings_before_and_after_take_the_drift_out_of_k(drift):
+def test_readings_before_and_after_take_the_drift_out_of_k():
     def k(*, drift_rel):
         drawn = draw(5, drift_rel=drift_rel, timed=True, readings_per_scene=3)
         return fit(drawn.rows, drawn.readings, Params()).iso_fits[0].coefficient
 
-    steady, drifting = k(drift_rel=0.0), k(drift_rel=drift)
+    steady, drifting = k(drift_rel=0.0), k(drift_rel=0.02)
     assert drifting.luminance_k == pytest.approx(steady.luminance_k, rel=0.003)
     assert abs(drifting.luminance_k - TRUE_K) < drifting.expanded_uncertainty

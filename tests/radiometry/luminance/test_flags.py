@@ -167,17 +167,6 @@ def test_scatter_that_chance_explains_is_not_flagged():
     assert "scatter between frames" not in {entry.source for entry in result.iso_fits[0].budget}
 
 
-def test_a_scene_is_predicted_with_the_scatter_that_was_found():
-    """Of seven nearly noiseless frames one is 14 % low: it pulls the predictions by a fifth, no more."""
-    shots = {"bright": (5.6, 8.0, 16.0), "middle": (5.6, 8.0), "dim": (8.0, 16.0)}
-    rows = [light(s, f, k=K * (0.86 if (s, f) == ("bright", 5.6) else 1.0)) for s in shots for f in shots[s]]
-    quiet = [replace(r, statistics=(replace(r.statistics[0], std_dn=1.0, n=10**8),)) for r in (*rows, *DARKS)]
-    report = fit(quiet).iso_fits[0].models[0]
-    pulled = 1 - 0.86 ** (1 / 5)
-    assert report.left_out_max_rel == pytest.approx(0.14, abs=0.005)
-    assert report.left_out_rms_rel == pytest.approx(math.sqrt((0.14**2 + 4 * pulled**2) / 7), rel=0.05)
-
-
 def test_an_offset_is_flagged_with_its_size(drawn):
     """Stray light of 40 DN in every light frame of ISO 3200; the weakest has some 80 DN above dark."""
     lit = [

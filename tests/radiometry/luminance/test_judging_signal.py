@@ -55,11 +55,6 @@ def odd(signal_dn, **changes):
     return light("middle", f_number, name="odd", signal_dn=signal_dn, **changes)
 
 
-def test_a_good_campaign_passes_as_a_whole():
-    assert {verdict.outcome for verdict in verdicts(ROWS).values()} == {"pass"}
-    assert set(verdicts(ROWS)) == {row.frame for row in ROWS}
-
-
 # --- clipped and nearly
 
 
@@ -161,17 +156,7 @@ def test_what_may_be_noise_says_only_the_least_number_of_stops():
     assert "Give it at least 7 2/3 stops more light" in found.detail
 
 
-@pytest.mark.parametrize(
-    ("ratio", "text"),
-    [
-        (1.0, "1/3 stop"),
-        (2 ** (1 / 3), "1/3 stop"),
-        (1.27, "2/3 stop"),
-        (2.0, "1 stop"),
-        (2.01, "1 1/3 stops"),
-        (4.0, "2 stops"),
-    ],
-)
+@pytest.mark.parametrize(("ratio", "text"), [(1.0, "1/3 stop"), (2.0, "1 stop"), (2.01, "1 1/3 stops")])
 def test_stops_are_rounded_up_to_thirds(ratio, text):
     assert show_stops(ratio) == text
 
@@ -364,11 +349,6 @@ def test_dark_frames_that_agree_are_held_against_black(above, outcome):
     rows = (*LIGHTS, *(dark(f"d{n}", mean_dn=DARK + above) for n in range(3)))
     found = verdicts(rows)
     assert {found[f"d{n}"].outcome for n in range(3)} == {outcome}
-
-
-def test_a_black_level_of_zero_states_none():
-    rows = tuple(dark(f"d{n}", mean_dn=512.0, black_level_dn=0.0) for n in range(3))
-    assert {verdict.outcome for verdict in verdicts(rows).values()} == {"pass"}
 
 
 def test_light_in_dark_frames_is_not_held_against_light_frames():

@@ -240,18 +240,6 @@ def test_the_procedures_road_comes_back_cell_by_cell():
     assert stated.illuminance_lx.standard_uncertainty / stated.illuminance_lx.value == pytest.approx(alone)
 
 
-def test_k_cancels_in_the_uniformity_of_a_frame():
-    """A K ten times less certain changes the average's uncertainty and not U_o's."""
-    worse = replace(COEFFICIENT, covariance=((16.0,),))
-    good, bad = (measured(road_frame(), grid=GRID, coefficient=c).surface for c in (COEFFICIENT, worse))
-    assert bad.l_av_cd_m2.standard_uncertainty > 3 * good.l_av_cd_m2.standard_uncertainty
-    assert bad.u_o.standard_uncertainty == pytest.approx(good.u_o.standard_uncertainty, rel=1e-9)
-    # what is left is the dark signal and the noise
-    average, smallest, dark = good.l_av_cd_m2.value, good.l_min_cd_m2.value, 0.5 * PER_DN
-    floor = dark * (average - smallest) / average**2
-    assert floor < good.u_o.standard_uncertainty < floor + 0.01
-
-
 def test_other_models_share_their_errors_too():
     """Power: L = (N / K)^(1 / g): an error of K scales every cell alike, one of g does not."""
     power = replace(
