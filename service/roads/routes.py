@@ -36,7 +36,7 @@ _KIND: Final = tables.Kind(
     most=schemas.MOST_POINTS,
     rows_are="points",
     known=[*_VALUES, *(name for name in schemas.RoadPoint.model_fields if name != "values")],
-    needed=("name", "x_m", "y_m", "quantity", "unit", "value"),
+    needed=("name", "x_m", "y_m", "value"),
 )
 _MANY: Final = TypeAdapter(Annotated[list[schemas.RoadPoint], Field(max_length=schemas.MOST_POINTS)])
 _POINT: Final = {"name": "P1", "x_m": 1.5, "y_m": 1.8, "quantity": "illuminance", "unit": "lx"}
@@ -149,7 +149,7 @@ def put_road_points(
 ) -> changes.Reply:
     """State all control points of a road, as JSON or as a table with a line each.
 
-    A table has `value`, and `value_2` to `value_9` for repeated readings.
+    A table has `value`, and `value_2` to `value_9` for repeats, in lx without `quantity` and `unit`.
     """
     names = [point.name for point in body]
     if len(set(names)) < len(names):

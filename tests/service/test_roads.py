@@ -82,6 +82,10 @@ def test_control_points_from_a_spreadsheet_are_those_of_json(house, road):
     kept = house.get(path)["items"]
     assert [each["values"] for each in kept] == [pytest.approx(each["values"], abs=1e-6) for each in sent]
     assert [each["name"] for each in kept] == [each["name"] for each in sent]
+    plain = house.http.put(
+        path, content="name,x_m,y_m,value\nP1,2,1.5,25.3", headers={"Content-Type": "text/csv"}
+    )
+    assert (plain.json()["items"][0]["quantity"], plain.json()["items"][0]["unit"]) == ("illuminance", "lx")
     bad = house.http.put(path, content="name;x_m\nP1;2", headers={"Content-Type": "text/csv"})
     assert (bad.status_code, bad.json()["errors"][0]["field"]) == (422, "line 1")
 

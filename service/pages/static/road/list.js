@@ -79,7 +79,7 @@ export const cornersOf = ([x0, x1], [y0, y1], pixels) => [[x0, y0], [x1, y0], [x
 
 export const typePoints = (path) => ask({
   title: "Control points",
-  fields: [{ name: "table", label: "Table", type: "textarea", rows: 9, hint: "name,x_m,y_m,quantity,unit,value,value_2", help: "A line a point under the names of its columns, as a spreadsheet copies it; it takes the place of all points that are there.", value: "name,x_m,y_m,quantity,unit,value,value_2\n" }],
+  fields: [{ name: "table", label: "Table", type: "textarea", rows: 9, hint: "P1,0,1.75,25.3,25.1: value and value_2 in lx, or with the columns quantity and unit", help: "A line a point under the names of its columns, as a spreadsheet copies it; it takes the place of all points that are there.", value: "name,x_m,y_m,value,value_2\n" }],
   submit: "Save",
   action: async ({ table }) => (await send("PUT", `${path}/points`, { body: table, headers: { "Content-Type": "text/csv" } })).json(),
 });
