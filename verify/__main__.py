@@ -66,7 +66,7 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
         with data.open_export(data_place, key, certificate["calibration_id"]) as folder:
             held = data.read_folder(folder)
             rows = checks.check(certificate, held, recompute.recompute(certificate, held, decoders, tell))
-    return _report(certificate, rows, console)
+    return _report(certificate, rows, console, standing=_state_standing(held.status))
 
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
@@ -87,10 +87,10 @@ def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
     return asked
 
 
-def _report(certificate: data.Node, rows: list[compare.Row], console: Console) -> int:
+def _report(certificate: data.Node, rows: list[compare.Row], console: Console, *, standing: str = "") -> int:
     console.print(_tabulate(certificate, rows))
     libraries = f"numpy {np.__version__} and scipy {scipy.__version__} on {platform.machine()}"
-    answer = f"{_conclude(rows)}{_name_unseen(certificate)} Recomputed with {libraries}."
+    answer = f"{_conclude(rows)}{_name_unseen(certificate)}{standing} Recomputed with {libraries}."
     console.print(answer, markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0
 
@@ -148,6 +148,14 @@ def _name_unseen(certificate: data.Node) -> str:
     rows = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
     said = f" Of {len(frames)} frames {rows} are rows of a table: their pixels were not seen."
     return said if rows else ""
+
+
+def _state_standing(status: data.Node) -> str:
+    """Return what a reader must know who holds the certificate of a version that was withdrawn."""
+    if (state := status.get("state")) not in {"revoked", "superseded"}:
+        return ""
+    reason = f" ({status['revoked_reason']})" if "revoked_reason" in status else ""
+    return f" The version was {state} when it was exported{reason}."
 
 
 def _conclude(rows: list[compare.Row]) -> str:

@@ -155,8 +155,9 @@ def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(exports, a
     assert (folder / "amendment-1.pdf").read_bytes().startswith(b"%PDF-")
     code, said = run(capsys, folder)
     assert (code, "issued files (all) │ 4 │ 4 the same │ yes" in said) == (0, True)
-    amendment = str(folder / "amendment-1.json")
-    assert main([amendment, "--data", str(folder)]) == 0
+    change(folder / "status.json", lambda status: status.update(state="revoked", revoked_reason="it fell"))
+    code, said = run(capsys, folder, "amendment-1.json")
+    assert (code, "The version was revoked when it was exported (it fell)." in said) == (0, True)
     place = f"{address}/v1/calibrations/{version['id']}/certificate.json?amendment=1"
     assert main([place, "--key", KEY]) == 0
     capsys.readouterr()
