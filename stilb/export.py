@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stilb.transport import Call, Transport, address, hash_file
+from stilb.transport import Call, Transport, address, hash_file, write_whole
 
 CERTIFICATE, READINGS, PANELS, REGIONS = "certificate.json", "readings.json", "panels.json", "roi.json"
 STATUS = "status.json"
@@ -93,8 +93,8 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
         _write_json(folder / PANELS, certificate["panels"])
     _write_json(folder / REGIONS, certificate["regions"])
     sums = "".join(f"{frame['sha256']}  {frame_path(frame)}\n" for frame in frames)
-    (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
-    (folder / CERTIFICATE).write_bytes(content)  # last: where it lies, the rest lies too
+    write_whole(folder / "SHA256SUMS", sums)
+    write_whole(folder / CERTIFICATE, content)  # last: where it lies, the rest lies too
     return folder
 
 
@@ -109,7 +109,7 @@ def export_measurement(transport: Transport, measurement_id: str, folder: Path) 
         _fetch(transport, address("frames", frame["id"], "content"), path, frame["sha256"])
     if "map_sha256" in record:
         _fetch(transport, f"{of_measurement}/{MAP}", folder / MAP, record["map_sha256"])
-    (folder / RECORD).write_bytes(content)  # last, as the certificate
+    write_whole(folder / RECORD, content)  # last, as the certificate
     return folder
 
 
@@ -119,4 +119,4 @@ def _fetch(transport: Transport, source: str, path: Path, sha256: str) -> None:
 
 
 def _write_json(path: Path, value: object) -> None:
-    path.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(value, indent=1, ensure_ascii=False) + "\n")

@@ -39,9 +39,7 @@ class KnownKeys:
         new = {item["id"]: {"public_key": item["public_key"], "url": url} for item in items}
         if new.keys() - known.keys():
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            draft = self.path.with_suffix(".draft")
-            draft.write_text(json.dumps(new | known, indent=1), encoding="utf-8")
-            draft.replace(self.path)
+            transport.write_whole(self.path, json.dumps(new | known, indent=1))
 
 
 def read_keys(text: str) -> list[str]:

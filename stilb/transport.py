@@ -154,6 +154,9 @@ class Transport:
         try:
             self._repeat(call, save)
             beside.replace(path)
+        except OSError as error:
+            error.filename = str(path)
+            raise
         finally:
             if not special:
                 beside.unlink(missing_ok=True)
@@ -293,6 +296,18 @@ def _read_events(lines: Iterator[str]) -> Iterator[tuple[str, str, dict[str, Any
             if "data" in said:
                 yield said.get("id", ""), said["event"], json.loads(said["data"])
             said = {}
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file beside its place and put it there, never half of it; an error names the file."""
+    beside = path.with_name(f".{uuid.uuid4().hex}.part")
+    try:
+        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        error.filename, error.filename2 = str(path), None
+        raise
 
 
 def hash_file(path: Path) -> str:

@@ -20,6 +20,7 @@ from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
 from stilb.problem import Unclear
 from stilb.records import DEFAULT_METHOD
+from stilb.transport import write_whole
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
 
@@ -48,6 +49,8 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     if any(each is not None for each in light.values()) and method != DEFAULT_METHOD:
         raise typer.BadParameter(f"--lamp and --mains are of {DEFAULT_METHOD} campaigns")
     path = folder / plans.FILENAME
+    if path.exists():
+        raise Unclear(f"{path} exists already: edit it, or remove it first")
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name
     stated = read_camera(folder)
@@ -55,11 +58,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     text = write_template(
         said, folder=quote(folder), has_readings=(folder / "readings.csv").exists(), night=night, light=light
     )
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise Unclear(f"{path} exists already: edit it, or remove it first") from None
+    write_whole(path, text)
     output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {quote(folder)}")
 
 

@@ -1,5 +1,6 @@
 """Options that all commands share (--url, --key, --json), the stored login, and the output of a command."""
 
+import errno
 import functools
 import inspect
 import json
@@ -102,10 +103,14 @@ def keep_login(folder: Path, login: Login) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     draft, path = folder / "login.json.draft", _login_file(folder)
     draft.unlink(missing_ok=True)
-    with os.fdopen(
-        os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
-    ) as file:
-        json.dump(asdict(login), file)
+    handle = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(asdict(login), file)
+    except OSError as error:
+        draft.unlink()
+        error.filename = str(path)
+        raise
     draft.replace(path)
     return path
 
@@ -195,6 +200,12 @@ _STEPS = {
 }
 
 
+_STEPS_ON_DISK = {
+    errno.ENOSPC: "Make room there, then run this again.",
+    errno.EROFS: "Nothing can be written there: copy the files to another folder, and name that.",
+}
+
+
 def exit_of(error: BaseException) -> Exit:
     match error:
         case problem.Problem():
@@ -216,6 +227,8 @@ def next_step(error: BaseException) -> str:
             return "Try again later. If it persists, send the operator the output of stilb doctor."
         case TimeoutError():
             return "The service continues. stilb jobs shows the progress."
+        case OSError():
+            return _STEPS_ON_DISK.get(error.errno or 0, "")
         case _:
             return ""
 

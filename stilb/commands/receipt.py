@@ -11,6 +11,7 @@ from stilb.client import Client
 from stilb.commands.output import Exit, Output, command, config_folder, print_json
 from stilb.field.push import Report
 from stilb.problem import Problem, Unclear
+from stilb.transport import write_whole
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."
@@ -97,10 +98,14 @@ def write_receipt(
         return None
     name = f"{report.campaign_id}-{signed['receipt']['manifest_id']}.json"
     path = to or config_folder() / "receipts" / name
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.part")
-    draft.write_text(json.dumps(signed, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
-    draft.replace(path)
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_whole(path, json.dumps(signed, ensure_ascii=False, indent=1) + "\n")
+    except OSError as error:
+        output.note(
+            f"no receipt, keep the card: {error.strerror}: {path}. Run this again with another --receipt"
+        )
+        return None
     return path
 
 

@@ -129,7 +129,7 @@ class Measurements(Jobs):
         item = self.stac_item(measurement_id)
         item["assets"]["map"]["href"] = f"./{path.name}"
         target = path.with_suffix(".json")
-        target.write_text(json.dumps(item, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        transport.write_whole(target, json.dumps(item, indent=1, ensure_ascii=False) + "\n")
         return target
 
     def _measured(self, job: records.Job) -> records.Measurement:

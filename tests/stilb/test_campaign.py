@@ -11,6 +11,7 @@ from stilb.field.template import read_methods
 from stilb.problem import Unclear
 from tests.support.campaigns import K_TRUE, LEVELS
 from tests.support.cards import write_card, write_plan
+from tests.support.disks import filled, small_disk
 from tests.support.printed import read_blocks
 
 NUMBERS = "readings.csv"
@@ -136,6 +137,22 @@ def test_a_fit_that_lacks_something_says_what(signed_in, handful):
     shown = signed_in("campaign", "show", "P-17").out
     assert "missing: " in shown
     assert "2 frames" in shown
+
+
+def test_a_full_disk_is_named_and_keeps_no_half_a_file_and_no_frame_waits_for_a_receipt(
+    signed_in, handful, team, tmp_path
+):
+    (disk := tmp_path / "disk").mkdir()
+    campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
+    with small_disk(disk, megabytes=1), filled(disk):
+        ended = signed_in("campaign", "init", disk)
+        assert ended.code == Exit.USAGE
+        assert f"No space left on device: {disk}/campaign.toml\nMake room there" in ended.err
+        to = ("--campaign", campaign.id, "--role", "dark", "--receipt", disk / "receipt.json")
+        ended = signed_in("push", handful, *to)
+        assert f"no receipt, keep the card: No space left on device: {disk}/receipt.json" in ended.err
+        assert "2 of 2 received" in ended.out
+        assert [path.name for path in disk.iterdir()] == ["filler"]
 
 
 def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, handful):
