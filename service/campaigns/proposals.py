@@ -29,6 +29,7 @@ _PAUSE_S: Final = 60.0  # a pause this long starts a scene, if it is also _PAUSE
 _PAUSES: Final = 2.5
 _EXPOSURE_RATIO: Final = 4.0  # a change of t S / f^2 by this factor starts a scene after two median pauses
 _DARK_SIGNAL: Final = 0.002  # the centre of a dark frame is below this share of the range from black to white
+_SERIES: Final = 3  # more exposure times at one f-number are a series of exposures
 _MOST_CAMPAIGNS: Final = 50
 _MOST_FRAMES: Final = 10_000
 _Key = tuple[str, float | None, float]  # name, size [B] and time [s] of a file
@@ -94,7 +95,16 @@ def choose_methods(
     else:
         apart = len(_list_folders(_below_common_folder(frames))) > 1 or any(frame.is_dark for frame in frames)
         looks_like_night = night is not None and night.name in in_force and not apart
-    return max(able, key=score), night, looks_like_night and night is not None
+    best = max(able, key=score)
+    lit = [frame for frame in frames if not frame.is_dark]
+    by_time = (
+        len({frame.f_number for frame in lit}) == 1
+        and len({frame.exposure_time_s for frame in lit}) > _SERIES
+    )
+    if by_time and best.grid.rows == "f_number":
+        others = [spec for spec in able if spec.grid.rows == "exposure_time_s"]
+        best = next((spec for spec in others if score(spec) == score(best)), best)
+    return best, night, looks_like_night and night is not None
 
 
 def sort_card(

@@ -53,6 +53,16 @@ def test_method_follows_names_bands_pictures_and_what_is_in_force():
     flats = [*(frame(f"flat/{n}.DNG") for n in range(3)), frame("dark/1.DNG", signal=0.0)]
     assert sort(flats)[0] == "vignetting"
     assert [role for role, _ in sort(flats)[2]] == ["flat"] * 3 + ["dark"]
+    series = [frame(f"flat/{n}.DNG", exposure_time_s=0.01 * n) for n in range(1, 6)]
+    assert sort(series)[0] == "noise"
+    assert (
+        sort([each.model_copy(update={"f_number": 1.4 * n}) for n, each in enumerate(series, 1)])[0]
+        == "vignetting"
+    )
+    assert (
+        sort([each.model_copy(update={"name": f"{n}.DNG"}) for n, each in enumerate(series)])[0]
+        == "luminance"
+    )
     assert sort([frame(f"{n}.TIF", band=band) for n, band in enumerate(("Green", "Red"))])[0] == "reflectance"
     assert sort([frame(f"{n}.JPG", signal=None) for n in range(3)])[::2] == (
         "sharpness",
