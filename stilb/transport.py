@@ -11,6 +11,7 @@ import time
 import tomllib
 import uuid
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import metadata
@@ -159,7 +160,8 @@ class Transport:
             raise
         finally:
             if not special:
-                beside.unlink(missing_ok=True)
+                with suppress(OSError):
+                    beside.unlink()
 
     def _repeat(self, call: Call, once: Callable[[Call, Mapping[str, str]], Answer]) -> Answer:
         headers = call.sent_headers()
@@ -305,7 +307,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
         beside.write_bytes(content.encode() if isinstance(content, str) else content)
         beside.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):  # of a disk that cannot be written
+            beside.unlink()
         error.filename, error.filename2 = str(path), None
         raise
 
