@@ -14,6 +14,8 @@ export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format coverage fuzz model bench docs tables api pictures examples release wheels lock clean
 
+need = $(if $($1),,$(error make $@ needs $1; make help shows what it takes))
+
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
 
@@ -72,13 +74,13 @@ audit-dependencies: $(VENV)/uv  ## known vulnerabilities of all locked versions,
 	npm --prefix tests/flow/clients audit --package-lock-only && exit $$failed
 
 export: $(VENV)/run  ## what a version or measurement depends on, into a folder: CAL=<id> or MSR=<id> URL=<service> KEY=<key> TO=<folder>
-	@STILB_KEY="$(KEY)" python -m stilb export $(if $(MSR),--measurement) "$(or $(MSR),$(CAL))" "$(TO)" --url "$(URL)"
+	$(call need,TO)@STILB_KEY="$(KEY)" python -m stilb export $(if $(MSR),--measurement) "$(or $(MSR),$(CAL))" "$(TO)" --url "$(URL)"
 
 verify: $(VENV)/run  ## recompute a certificate or measurement: CERT=<file or address> DATA=<folder or service> [KEY=<key>]
-	@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
+	$(call need,CERT)@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
 
 verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]
-	@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
+	$(call need,FROM)@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
 # That the tests can be collected is seen beside mypy, which takes longer and one processor: it compiles every module
 # once, as each process of `make test` would otherwise do for itself.

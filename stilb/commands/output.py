@@ -124,7 +124,7 @@ def forget_login(folder: Path) -> bool:
 
 def choose_login(kept: Login | None, *, url: str | None, key: str | None) -> Login:
     """Take what was given, else what was kept; the kept key goes to the service that it was kept for only."""
-    if url is None:
+    if not url:
         if kept is None:
             raise problem.Unclear("No login is stored. Sign in first: stilb login URL")
         return Login(url=kept.url, key=key or kept.key)

@@ -1,6 +1,7 @@
 """The documentation names what exists, all of it and nothing else."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,18 @@ def test_every_exit_code_is_told():
 
 
 TARGETS = set(re.findall(r"^([a-z]+):", read(ROOT / "Makefile"), re.MULTILINE))
+
+
+@pytest.mark.parametrize(
+    ("target", "needs"), [("export", "TO"), ("verify", "CERT"), ("verify-backup", "FROM")]
+)
+def test_a_target_says_what_it_needs(target, needs):
+    made = subprocess.run(
+        ["make", "-C", ROOT, "-o", ".venv/run", target], check=False, capture_output=True, text=True
+    )
+    assert f"make {target} needs {needs};" in made.stderr
+
+
 NAMED_SETTINGS = {f"STILB_{name.upper()}" for name in Settings.model_fields}
 for _path in (ROOT / "stilb" / "commands").glob("*.py"):
     NAMED_SETTINGS |= set(re.findall(r'envvar="(\w+)"', read(_path)))

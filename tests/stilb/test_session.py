@@ -66,6 +66,8 @@ def test_whoami_and_logout(signed_in, team, config):
     ended = signed_in("whoami")
     assert (ended.code, ended.out) == (Exit.USAGE, "")
     assert "Sign in first: stilb login URL" in ended.err
+    # what `make export` passes on without URL=
+    assert "Sign in first: stilb login URL" in signed_in("whoami", "--url", "").err
     assert signed_in("logout", "--json").json == {"signed_out": False}
 
 
