@@ -8,8 +8,7 @@ import pytest
 
 from radiometry.frame.grid import Grid
 from radiometry.frame.proof import WholenessCheck
-from radiometry.frame.roi import Polygon, Window
-from radiometry.frame.statistics import compute_statistics
+from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
 from radiometry.luminance.measurement import Request, measure
 from radiometry.luminance.rows import FrameRow, Params
@@ -25,10 +24,9 @@ from radiometry.sharpness.verdicts import judge as judge_sharpness
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting.verdicts import judge as judge_vignetting
 from simulation.camera import change, take
-from simulation.luminance import X5S, Errors, plan_campaign
 from simulation.targets import CHART_STUDIO, FAST_LENS, Edge, Star, Surface, plan_dark, plan_flat
 from tests.radiometry import evidence
-from tests.radiometry.campaigns import draw, draw_row
+from tests.radiometry.campaigns import draw
 from tests.radiometry.evidence import taken
 from tests.radiometry.noise import series
 from tests.radiometry.reflectance import captures
@@ -196,8 +194,6 @@ def test_clean_panels_and_flights_raise_nothing(size):
 
 
 SEEDS = 15
-CAMERA = change(X5S, height_px=480, width_px=640)
-HERE = Window(row0=200, col0=280, height=60, width=80)
 
 
 def reasons(rows, readings):
@@ -221,19 +217,3 @@ def test_at_the_highest_iso_only_what_is_near_white_is_said_so():
             top = NormalDist(row.mean_dn, row.std_dn).inv_cdf(0.999)
             assert found <= {"nearly_clipped", "clipped"}
             assert top > 256 + 0.94 * (4095 - 256)
-
-
-def render(campaign, shot, random):
-    shot = replace(shot, window=HERE)
-    frame = take(campaign.camera, shot, random).frame
-    statistics = compute_statistics(frame, np.ones(frame.samples_dn.shape, np.bool_))
-    row = draw_row(campaign.camera, shot, random, pixels=10)
-    return replace(row, statistics=statistics)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_clean_pixels_raise_no_alarm(seed):
-    random = np.random.default_rng(seed)
-    campaign = plan_campaign(CAMERA, random, errors=Errors(), isos=(3200.0,))
-    rows = [render(campaign, shot, random) for shot in campaign.shots]
-    assert reasons(rows, campaign.readings) == {}

@@ -17,7 +17,7 @@ from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.frames import frame_of
-from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
+from tests.radiometry.luminance.exact import PARAMS, ROWS, K, fit
 from tests.radiometry.vignetting.flats import coefficient
 
 SHAPE = (64, 96)
@@ -251,21 +251,6 @@ def test_the_error_of_v_is_shared_within_an_f_number():
     expected = math.hypot(*(u / value for value, u in SHARES.values())) / 3
     assert budget["vignetting"].u_rel == pytest.approx(expected, rel=0.03)
     assert sum(entry.variance_share for entry in budget.values()) == pytest.approx(1.0)
-
-
-def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
-    def dark_u(rows, params):
-        budget = fit(rows, READINGS, params).iso_fits[0].budget
-        return next(entry.u_rel for entry in budget if entry.source == "dark signal")
-
-    bumped = tuple(
-        replace(row, statistics=(replace(row.statistics[0], mean_dn=256.0 + (n % 3)),))
-        if row.role == "dark"
-        else row
-        for n, row in enumerate(ROWS)
-    )
-    halved = tuple(through(row, dict.fromkeys(SHARES, (0.5, 0.0))) for row in bumped)
-    assert dark_u(halved, CORRECTED) == pytest.approx(2 * dark_u(bumped, PARAMS), rel=0.05)
 
 
 def test_a_fit_that_lacks_a_share_is_refused():

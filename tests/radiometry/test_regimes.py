@@ -5,7 +5,8 @@ import pytest
 
 from tests.regimes import REGIMES
 
-QUICK = ("mean of", "L, one frame", "L at", "L of", "U_o, cells", "U_l, cells", "R,")
+QUICK = ("mean of", "L, one frame", "L at", "L of", "U_o, cells", "U_l, cells")
+QUICK += ("R, 1 ", "R, 10 light readings to 5 %", "R, a Sequoia's ten counts to 2 %")
 DRAWS = 60
 
 

@@ -50,17 +50,6 @@ def test_weights_count_and_their_scale_does_not():
     assert np.array(ten.covariance) == pytest.approx(np.array(line.covariance))
 
 
-def test_the_interval_covers_the_true_drift_in_95_of_100():
-    rng = np.random.default_rng(2)
-    held = 0
-    for _ in range(500):
-        drift = only(over(33.0 - 0.001 * np.array(DAYS) + 0.1 * rng.standard_normal(4)))
-        low, high = drift.slope_interval
-        held += low <= -0.001 * DAYS_PER_YEAR <= high
-    # 475 expected, three standard deviations of the count are 15
-    assert 460 <= held <= 490
-
-
 def test_the_date_is_reached_by_hand():
     """Values on a line but for +-0.1: the bound b d + t u(d) reaches the limit."""
     values = [33.1, 32.9, 32.9, 33.1, 33.0]

@@ -1,9 +1,8 @@
 """A region's histogram and clipped cells, on mosaics small enough to count by hand."""
 
 import numpy as np
-import pytest
 
-from radiometry.frame.statistics import ClippedCell, compute_statistics, count_histogram, map_clipping
+from radiometry.frame.statistics import ClippedCell, count_histogram, map_clipping
 from tests.radiometry.frames import frame_of
 
 WHITE = (100.0, 200.0, 150.0, 100.0)
@@ -33,17 +32,6 @@ def test_a_wide_spread_takes_wider_bins_and_only_the_region_counts():
     (grey,) = found.channels
     # 270 values in at most 128 bins: 3 DN each, 90 bins
     assert (found.first_dn, found.step_dn, grey.counts) == (30, 3, (3,) * 90)
-
-
-@pytest.mark.parametrize(("row0", "col0"), [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_channels_follow_the_frame_not_the_window(row0, col0):
-    samples = np.random.default_rng(1).integers(0, 99, (8, 8)).astype(np.uint16)
-    inside = np.ones((8, 8), bool)
-    window = frame(samples, row0=row0, col0=col0)
-    found = {each.channel: sum(each.counts) for each in count_histogram(window, inside).channels}
-    for row in compute_statistics(window, inside):
-        if row.channel != "grey":
-            assert found[row.channel] == row.n
 
 
 def test_a_sample_is_clipped_at_the_white_of_its_own_site():

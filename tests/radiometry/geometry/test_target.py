@@ -10,11 +10,6 @@ from tests.radiometry.geometry.boards import BOARD, CHARUCO
 ADAPTER = TypeAdapter(Target)
 
 
-@pytest.mark.parametrize("target", [BOARD, CHARUCO])
-def test_a_board_survives_json(target):
-    assert ADAPTER.validate_json(ADAPTER.dump_json(target)) == target
-
-
 def test_a_checkerboard_is_counted_in_corners_and_a_charuco_board_in_squares():
     assert (BOARD.corner_columns, BOARD.corner_rows, BOARD.corners) == (9, 6, 54)
     assert (CHARUCO.corner_columns, CHARUCO.corner_rows, CHARUCO.corners) == (6, 4, 24)

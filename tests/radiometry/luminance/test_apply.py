@@ -16,7 +16,7 @@ from radiometry.luminance.scenes import Change, check_reading_times, follow_lamp
 from simulation.camera import Lamp, change, expose
 from simulation.luminance import X5S
 from simulation.targets import Surface
-from tests.radiometry.campaigns import TRUE_K, draw
+from tests.radiometry.campaigns import draw
 from tests.radiometry.coefficients import apply_coefficient
 from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, READINGS, K, fit, light, statistics
 
@@ -238,13 +238,3 @@ def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
     assert budget(0.0, burst=True) == pytest.approx(0.006)
     assert budget(0.0) < 0.0055
     assert budget(0.04) > 0.009
-
-
-def test_readings_before_and_after_take_the_drift_out_of_k():
-    def k(*, drift_rel):
-        drawn = draw(5, drift_rel=drift_rel, timed=True, readings_per_scene=3)
-        return fit(drawn.rows, drawn.readings, Params()).iso_fits[0].coefficient
-
-    steady, drifting = k(drift_rel=0.0), k(drift_rel=0.02)
-    assert drifting.luminance_k == pytest.approx(steady.luminance_k, rel=0.003)
-    assert abs(drifting.luminance_k - TRUE_K) < drifting.expanded_uncertainty

@@ -12,7 +12,7 @@ from radiometry.fitting.evidence import FieldCorrection
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame.grid import Grid
 from radiometry.frame.statistics import Signal
-from radiometry.luminance.pixels import SCATTER
+from radiometry.luminance.pixels import SCATTER, average_signals
 from radiometry.luminance.surface import CalibratedCamera
 from tests.radiometry.luminance.test_measurement import (
     COEFFICIENT,
@@ -111,6 +111,19 @@ def signal_of(light_dn):
         black_level_dn=256.0,
         white_level_dn=4095.0,
     )
+
+
+def test_the_average_of_three_frames_by_hand():
+    """Noise of 6 DN a frame is 6 / sqrt(3) of the mean, and the rounding of 0.5 DN is the same in all."""
+    error = {"standard_uncertainty_dn": math.hypot(6.0, 0.5), "rounding_dn": 0.5}
+    mean = average_signals(
+        [
+            replace(signal_of(light_dn), saturated_share=share, **error)
+            for light_dn, share in ((900.0, 0.0), (1000.0, 0.2), (1400.0, 0.1))
+        ]
+    )
+    assert (mean.value_dn, mean.saturated_share) == (pytest.approx(256.0 + 1100.0), 0.2)
+    assert mean.standard_uncertainty_dn == pytest.approx(math.sqrt(36.0 / 3.0 + 0.25))
 
 
 def advise_on(found):

@@ -225,14 +225,6 @@ def test_one_lit_frame_does_not_move_the_line():
     assert found.at(0.01).signal_dn == pytest.approx(257.0)
 
 
-def test_one_time_leaves_the_rate_to_its_plausible_size():
-    for times in (TIMES[:3], (0.1, 0.1, 0.101)):
-        found = estimate_dark(signals(257, 256, 258), [], times_s=times, plausible_rate_dn_per_s=50.0)
-        assert (found.rate_dn_per_s, found.rate_u_dn_per_s, found.rate_measured) == (0.0, 50.0, False)
-        # whether a signal is seen does not depend on what was assumed
-        assert found.at(1.0).standard_uncertainty_dn == found.standard_uncertainty_dn
-
-
 def test_growth_is_subtracted_at_the_time_of_each_frame():
     """Light at 0.01, 0.1 and 1 s above a dark signal that grows by 200 DN/s; so does a field frame's."""
     grown = [

@@ -12,7 +12,7 @@ from radiometry.frame.statistics import measure_signal
 from radiometry.luminance.brightness import DOUBTFUL_REL
 from radiometry.luminance.points import estimate_dark
 from radiometry.luminance.rows import Params
-from radiometry.luminance.verdicts import judge, show_stops
+from radiometry.luminance.verdicts import judge
 from tests.radiometry.evidence import (
     DARK,
     DARKS,
@@ -154,11 +154,6 @@ def test_what_may_be_noise_says_only_the_least_number_of_stops():
     found = only((*ROWS, odd(0.01)), "odd")
     # 38.39 / 0.2168 = 177: 7.47 stops
     assert "Give it at least 7 2/3 stops more light" in found.detail
-
-
-@pytest.mark.parametrize(("ratio", "text"), [(1.0, "1/3 stop"), (2.0, "1 stop"), (2.01, "1 1/3 stops")])
-def test_stops_are_rounded_up_to_thirds(ratio, text):
-    assert show_stops(ratio) == text
 
 
 @pytest.mark.parametrize(

@@ -112,11 +112,6 @@ def test_saturation_of_other_images():
     assert np.isnan(compute_map(make_frame(colours, "rgb"), GREY)).sum() == 1
 
 
-def test_a_number_above_dark_is_worth_f2_over_k_t_s():
-    scale = find_map_scale((COEFFICIENT,), Exposure(exposure_time_s=0.02, f_number=4.0, iso=3200.0))
-    assert scale.slope_cd_m2_per_dn == pytest.approx(16 / (30 * 0.02 * 3200))
-
-
 def test_a_map_needs_a_model_that_is_a_scale():
     bent = replace(COEFFICIENT, model="power", parameters=(30.0, 1.1))
     with pytest.raises(InputRejected, match="proportional"):

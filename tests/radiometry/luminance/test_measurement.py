@@ -107,26 +107,6 @@ def test_a_frame_has_the_scatter_that_its_calibration_measured(off):
     assert share.standard_uncertainty_cd_m2 / found.mean.value == pytest.approx(expected, rel=0.01)
 
 
-def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noise():
-    large = measured(make_frame(noisy(1000.0, shape=(400, 600), noise_dn=8.0)))
-    small = measured(
-        make_frame(noisy(1000.0, noise_dn=8.0)),
-        polygon=Polygon.from_points([(20, 20), (30, 20), (30, 30), (20, 30)]),
-    )
-    whole = measured(
-        make_frame(noisy(1000.0, shape=(400, 600), noise_dn=8.0)),
-        polygon=Polygon.from_points([(0, 0), (600, 0), (600, 400), (0, 400)]),
-    )
-    assert whole.shared_u_cd_m2 == pytest.approx(small.shared_u_cd_m2, rel=0.01)
-    assert whole.noise_u_cd_m2 < small.noise_u_cd_m2 / 20
-    for pixel in (large.smallest, large.largest, *(p.luminance for p in large.percentiles)):
-        shared = large.shared_u_cd_m2 * pixel.value / large.mean.value
-        assert pixel.standard_uncertainty == pytest.approx(math.hypot(shared, 8.0 * PER_DN), rel=0.1)
-    ordered = [large.smallest, *(p.luminance for p in large.percentiles), large.largest]
-    assert [q.value for q in ordered] == sorted(q.value for q in ordered)
-    assert [p.percent for p in large.percentiles] == [5, 10, 90, 95]
-
-
 CAMERA = "Hasselblad L2D-20c"
 
 

@@ -90,12 +90,6 @@ def test_ratios_over_nothing_are_left_out():
     assert (found.u_l[0].value, found.u_l[1]) == (0.0, None)
 
 
-def test_cells_of_a_rectangle_are_equal():
-    cells = lay_grid(Grid(corners=SQUARE, rows=3, columns=4))
-    assert [len(line) for line in cells] == [4, 4, 4]
-    assert cells[1][2].points == ((40.0, 20.0), (60.0, 20.0), (60.0, 40.0), (40.0, 40.0))
-
-
 def test_a_tile_of_a_road_in_perspective_is_where_a_camera_sees_it():
     """A pinhole 10 m above a road, looking down by 30 degrees: its own projection is the truth."""
 

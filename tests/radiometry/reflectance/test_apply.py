@@ -16,8 +16,6 @@ from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.findings import check_fit
 from radiometry.reflectance.fit import compute_k
 from radiometry.reflectance.results import Doubt
-from radiometry.reflectance.sun import TiltParams
-from simulation.camera import change
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
@@ -30,7 +28,6 @@ from tests.radiometry.reflectance.captures import (
     flags_of,
     k_of,
     make_header,
-    make_record,
     panel,
     seeded,
     take,
@@ -194,17 +191,6 @@ def test_another_sensor_model_and_a_time_after_the_last_panel_capture_are_flagge
     assert flags_of(measure(field(minutes=25.0)[0]).flags) == {"outside_panel_times"}
 
 
-def test_k_follows_the_time_when_asked_to():
-    drifted = {**BANDS, "green": replace(BANDS["green"], reflectance_k=1430.0)}
-    later = replace(CAMERA, bands=drifted)
-    rows = [*take(seeded(), PANEL_R), *take(seeded(2), PANEL_R, minutes=20.0, camera=later)]
-    linear = calibrate(rows, interpolation="linear")
-    ks = [measure(field(minutes=minutes)[0], linear).reflectance_k for minutes in (0.1, 10.0, 19.9)]
-    assert ks == pytest.approx([1300.0, 1365.0, 1430.0], rel=0.02)
-    constant = measure(field(minutes=1.0)[0], calibrate(rows, interpolation="constant"))
-    assert constant.reflectance_k == pytest.approx(1365.0, rel=0.02)
-
-
 def test_saturated_dark_and_impossible_regions_are_flagged():
     (bright,) = field(surface={"green": 1.5})
     assert {"saturated"} <= flags_of(measure(bright).flags)
@@ -285,15 +271,6 @@ def test_k_by_hand():
     assert alone == pytest.approx(0.36)
 
 
-def test_an_exact_camera_gives_k_to_the_steps_it_counts_in():
-    exact = change(CAMERA, read_noise_e=0.0, gain_dn_per_e=65_472e-12, sunshine_noise_rel=0.0)
-    rows = take(seeded(), PANEL_R, camera=exact, i_ss=4300.0)
-    for fit in reflectance.fit(rows, READINGS, PARAMS).band_fits:
-        truth = BANDS[fit.coefficient.band].reflectance_k
-        assert fit.coefficient.reflectance_k == pytest.approx(truth, rel=1e-3)
-        assert fit.coefficient.reflectance_k_unit == "1/s"
-
-
 def test_the_budget_adds_up():
     params = reflectance.Params(incidence_angle_deg=30.0, drift_half_hour_rel=0.0, interpolation="constant")
     fit = k_of(reflectance.fit([*panel(), *panel(2, minutes=20.0)], READINGS, params))
@@ -351,25 +328,6 @@ def test_a_panel_that_the_camera_recognised_serves_where_nothing_is_stated():
     found = reflectance.fit([row], stated, params)
     assert found.band_fits[0].coefficient.panel_reflectance == 0.5
     assert not {"panel_from_file", "panel_uncertainty_missing"} & flags_of(found.flags)
-
-
-def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
-    tilted = panel()
-    records = tuple(
-        make_record(time_us=200_000 * n, ch0=430, yaw_deg=0.0, pitch_deg=10.0, roll_deg=0.0) for n in range(5)
-    )
-    counts = replace(tilted[0].header.multispectral.counts, records=records)
-    rows = change_band(tilted, counts=counts)
-    oriented = reflectance.Params(sunshine_surface="oriented")
-    plain = k_of(reflectance.fit(rows, READINGS, oriented)).coefficient
-    corrected = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
-    # nose up and to the north, so leaning back towards a sun in the south at 62 degrees: it saw too much
-    assert 0.85 < corrected.reflectance_k / plain.reflectance_k < 0.97
-    assert (corrected.tilt, plain.tilt) == (TiltParams(), None)
-    night = [replace(each, header=replace(each.header, taken_at="2018-06-13T23:00:00")) for each in rows]
-    found = reflectance.fit(night, READINGS, PARAMS)
-    assert k_of(found).coefficient.reflectance_k == plain.reflectance_k
-    assert {"tilt_not_correctable", "sunshine_tilted"} <= flags_of(found.flags)
 
 
 @pytest.mark.parametrize(

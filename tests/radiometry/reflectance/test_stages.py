@@ -13,7 +13,6 @@ from radiometry.frame import multispectral
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import imaging
-from simulation.camera import change
 from simulation.sequoia import LENS, capture
 from tests.radiometry.frames import frame_of
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
@@ -125,21 +124,6 @@ def make_micasense():
 
 
 SEQUOIA, MICASENSE = make_sequoia(), make_micasense()
-
-
-def test_an_even_surface_is_even_after_black_then_vignetting():
-    """The order decides: dividing by the lens before black leaves the corners of an even surface brighter."""
-    quiet = change(CAMERA, read_noise_e=0.0, gain_dn_per_e=65_472e-12)
-    shot = capture(quiet, seeded(), reflectance={"nir": 0.2})["nir"]
-    signal = imaging.compute_signal(
-        shot.frame, header=shot.header, settings=shot.exposure.on_basis("nominal")
-    )
-    # only steps of 64 numbers are left, in the darkest corner 32 / (0.66 * 23000)
-    assert np.ptp(signal) / signal.mean() < 2 * 32 / (0.66 * 15000)
-    size = imaging.FrameSize(height_px=120, width_px=160)
-    share = imaging.evaluate_polynomial(LENS, whole(120, 160), size=size)
-    wrong = shot.frame.samples_dn / share - shot.header.multispectral.sensor_model.b
-    assert wrong[-1, 0] / wrong[60, 80] > 1.10
 
 
 def test_a_file_of_another_camera_is_refused():

@@ -102,19 +102,6 @@ def test_a_third_visit_bends_the_line():
     assert evaluate_k(coefficient, at_s=1500.0).value == pytest.approx(1000.0)
 
 
-def test_noise_averages_over_the_visits_and_frames_minutes_apart_are_one():
-    first, second = (k_of(reflectance.fit(panel(seed), READINGS, PARAMS)) for seed in (1, 2))
-    both = k_of(reflectance.fit([*panel(), *panel(2, minutes=20.0)], READINGS, PARAMS))
-    for source in ("pixel noise", "sunshine readings"):
-        one, two, mean = (
-            next(entry.u_rel for entry in fit.budget if entry.source == source)
-            for fit in (first, second, both)
-        )
-        assert mean == pytest.approx(math.hypot(one, two) / 2)
-    rows = [*panel(), *panel(2, minutes=4.0), *panel(3, minutes=30.0)]
-    assert k_of(reflectance.fit(rows, READINGS, PARAMS)).visits == 2
-
-
 def test_frames_that_scatter_more_than_they_should_make_k_less_certain():
     rows = [*panel(), *panel(2, minutes=1.0), *panel(3, minutes=2.0)]
     rows = [each for each in rows if "green" in each.frame]
@@ -309,13 +296,6 @@ def test_an_uneven_panel_is_flagged_and_counted():
     assert [raised.where for raised in uneven] == ["band green"]
     shares = {entry.source: entry.u_rel for entry in k_of(found).budget}
     assert shares["panel evenness"] == pytest.approx(0.06 * 59 / 60 / math.sqrt(12), rel=0.1)
-
-
-def test_some_saturated_readings_are_left_out_and_flagged():
-    found = reflectance.fit(panel(gain_indices=(1, 3, 1, 3, 1)), READINGS, PARAMS)
-    raised = [each for each in found.flags if each.flag == "sunshine_readings_left_out"]
-    assert len(raised) == 4
-    assert "2 of 5" in raised[0].detail
 
 
 def test_a_capture_that_lacks_a_band_is_flagged():

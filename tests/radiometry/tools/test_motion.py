@@ -177,7 +177,13 @@ def test_the_blur_of_a_frame_by_hand():
 
 @pytest.mark.parametrize(
     ("at_s", "basis", "rate"),
-    [(10.25, "during", 85.0), (9.0, "nearest", 15.0), (12.0, "nearest", 85.0), (None, "largest", 85.0)],
+    [
+        (10.25, "during", 85.0),
+        (10.1996, "during", 85.0),  # of an exposure of 1 ms the middle counts
+        (9.0, "nearest", 15.0),
+        (12.0, "nearest", 85.0),
+        (None, "largest", 85.0),
+    ],
 )
 def test_the_records_nearest_to_the_exposure_count(at_s, basis, rate):
     records = attitudes((0, 0, 0), (0, 3, 0), (0, 20, 0))

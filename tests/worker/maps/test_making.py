@@ -57,8 +57,7 @@ def read_back(target):
     return read_metadata(read_directories(target.read_bytes())[0])
 
 
-@pytest.mark.parametrize("channel", ["green", "grey"])
-@pytest.mark.parametrize("compression", ["none", "ljpeg"])
+@pytest.mark.parametrize(("compression", "channel"), [("none", "green"), ("ljpeg", "grey")])
 @pytest.mark.parametrize("shape", [(16, 20), (300, 517), (530, 270)])
 def test_strips_and_tiles_make_the_whole(decoders, tmp_path, monkeypatch, shape, compression, channel):
     monkeypatch.setattr(strips, "_STRIP_PX", 30_000)
