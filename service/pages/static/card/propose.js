@@ -185,21 +185,21 @@ export function splitSkipped(rows) {
   };
 }
 
-/** What to look at before sending: {key, mark, code, frames?, ...}; the page words it. */
+/** What to look at before sending: {key, mark, code, frames?, ...}; the page words it. A series of exposure times is meant to saturate. */
 function listChecks(frames, darks, method, campaign) {
   const found = [];
   const lacking = frames.filter(({ header }) => !(header.exposure_time_s && header.f_number && header.iso));
-  if (lacking.length && lacking.some((frame) => frame.role !== CHART)) found.push({ key: "exposure", code: "no_exposure", mark: "warn", frames: lacking });
+  if (lacking.some((frame) => frame.role !== CHART)) found.push({ key: "exposure", code: "no_exposure", mark: "warn", frames: lacking });
   const white = frames.filter((frame) => frame.role !== "dark" && frame.centre?.clipped > LIMITS.clipped);
-  if (white.length) found.push({ key: `clipped ${white.map((frame) => frame.key)}`, code: "overexposed", mark: "warn", frames: white });
+  if (white.length && method.grid.rows !== "exposure_time_s") found.push({ key: `clipped ${white.map((frame) => frame.key)}`, code: "overexposed", mark: "warn", frames: white });
   found.push(...findMisplaced(frames, method));
   if (campaign.measures || !method.roles.some((role) => role.name === "dark")) return found;
   const lit = frames.filter((frame) => frame.role !== "dark" && frame.header.exposure_time_s);
   const isos = [...new Set(lit.map((frame) => frame.header.iso))].filter((iso) => iso && !darks.some((dark) => dark.header.iso === iso)).sort((a, b) => a - b);
   if (lit.length && !darks.length) found.push({ key: "no darks", code: "no_darks", mark: "gap" });
   else if (isos.length && lit.length) found.push({ key: "iso darks", code: "darks_lack_iso", mark: "gap", isos });
-  const longest = (some) => Math.max(...some.map((frame) => frame.header.exposure_time_s ?? 0));
-  if (darks.length && lit.length && longest(lit) > 1.01 * longest(darks)) found.push({ key: "dark times", code: "darks_too_short", mark: "gap", dark_s: longest(darks), light_s: longest(lit) });
+  const [dark_s, light_s] = [darks, lit].map((some) => Math.max(0, ...some.map((frame) => frame.header.exposure_time_s ?? 0)));
+  if (darks.length && light_s > 1.01 * dark_s) found.push({ key: "dark times", code: "darks_too_short", mark: "gap", dark_s, light_s });
   return found;
 }
 
