@@ -368,14 +368,3 @@ def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
         assert found.code == code
         assert len(found.message) > 30
         assert "/v1/" not in found.message, "people read it, on pages and on paper"
-
-
-def test_an_organisation_is_changed_by_its_admins_only(house):
-    key = house.post("/v1/keys", {"name": "team", "scopes": ["read", "publish"]})
-    team = house.with_key(key["secret"])
-    assert team.get("/v1/organisation").json()["refuses_incomplete_certificates"] is False
-    answer = team.patch("/v1/organisation", json={"refuses_incomplete_certificates": True})
-    assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
-    for wrong in ({"refuses_incomplete_certificates": "yes"}, {"address": None}, {"title": "x"}):
-        house.patch("/v1/organisation", wrong, status=422)
-    assert team.get("/v1/organisation").json()["refuses_incomplete_certificates"] is False

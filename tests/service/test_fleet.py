@@ -236,6 +236,9 @@ def test_what_cannot_be_compared_is_refused(house):
     named = [{"calibration_id": "cal_none", "serial": "L"}]
     assert "cal_none is not a published version" in detail(house, cameras, lenses=named)
     assert judge(house, cameras, lenses=[{"calibration_id": versions["A"][0], "serial": "L"}])
+    # 4 DN is no share
+    add_published(house, cameras["A"], 64.0, day=99, name="dark_signal_dn", unit="DN")
+    assert judge(house, cameras, tolerance={"dark_signal_dn": 4, "luminance_k": 0.04})
 
 
 @pytest.mark.parametrize(

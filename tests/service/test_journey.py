@@ -68,6 +68,8 @@ def test_a_campaign_becomes_coefficients_in_force(house, caplog):
 
 def test_no_version_in_force_is_never_the_nearest(house, staged):
     version = staged(calibrated_campaign, isos=(3200,))
+    turned = house.publish(version, valid_to="2026-04-30T00:00:00Z", status=422)
+    assert "valid_to must lie after valid_from" in turned["detail"]
     house.publish(version, valid_to="2026-06-01T00:00:00Z")
     path = f"/v1/cameras/{version['camera_id']}/coefficients"
     assert house.get(path, method="luminance", at="2026-05-31T23:59:59Z")["items"]

@@ -91,16 +91,6 @@ def test_what_is_no_window_of_the_map_is_refused(house, measured):
     assert house.get(address, status=422, step=0)["errors"][0]["field"] == "query.step"
 
 
-def test_it_is_kept_for_ever_and_another_window_is_another_answer(house, measured):
-    address = f"/v1/measurements/{measured['id']}/map.json?step=8"
-    answer = house.http.get(address)
-    assert "immutable" in answer.headers["cache-control"]
-    again = house.http.get(address, headers={"If-None-Match": answer.headers["etag"]})
-    assert again.status_code == 304
-    other = house.http.get(f"{address}&top=8", headers={"If-None-Match": answer.headers["etag"]})
-    assert other.status_code == 200
-
-
 def write_tiles(path, plane):
     """Tiles of a plane one after the other; the layout of the file."""
     tiles = [
@@ -176,6 +166,18 @@ def test_isolines_of_a_ramp_are_upright_lines(house, measured, plane):
     assert np.median([x for x, _ in line]) == pytest.approx((30.5 - 8) / 4, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("kept", "other"), [("map.json?step=8", "top=8"), ("isolines.geojson?step=4", "levels=5")]
+)
+def test_an_answer_is_kept_for_ever_and_another_question_has_another(house, measured, kept, other):
+    address = f"/v1/measurements/{measured['id']}/{kept}"
+    answer = house.http.get(address)
+    assert "immutable" in answer.headers["cache-control"]
+    named = {"If-None-Match": answer.headers["etag"]}
+    assert house.http.get(address, headers=named).status_code == 304
+    assert house.http.get(f"{address}&{other}", headers=named).status_code == 200
+
+
 def test_levels_and_squares_are_chosen_and_said(house, measured):
     found = ask(house, measured, "isolines.geojson")
     levels = [feature["properties"]["level"] for feature in found["features"]]
@@ -189,12 +191,3 @@ def test_levels_and_squares_are_chosen_and_said(house, measured):
     ):
         assert said in ask(house, measured, "isolines.geojson", status=422, **query)["detail"]
     assert "no place" in ask(house, measured, "isolines.geojson", coordinates="wgs84", status=404)["detail"]
-
-
-def test_an_answer_is_kept_for_ever(house, measured):
-    address = f"/v1/measurements/{measured['id']}/isolines.geojson?step=4"
-    answer = house.http.get(address)
-    assert "immutable" in answer.headers["cache-control"]
-    named = {"If-None-Match": answer.headers["etag"]}
-    assert house.http.get(address, headers=named).status_code == 304
-    assert house.http.get(f"{address}&levels=5", headers=named).status_code == 200

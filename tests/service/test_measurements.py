@@ -142,6 +142,7 @@ def test_a_lit_surface(house):
         for each in (road, pixel)
     ]
     assert [name for name, _ in ends] == ["road_m", "pixel"]
+    assert {(each["type"], each["geometry"]["type"]) for each in road["features"]} == {("Feature", "Polygon")}
     assert np.array([corner for _, corner in ends]) == pytest.approx(np.array([[2.4, 3.5 / 3], [12, 24]]))
     assert house.get(f"/v1/measurements/{found['id']}/cells.geojson")["coordinates_in"] == "pixel"
     check_report(house, measure(house, frame, grid=grid, products=["map"]))

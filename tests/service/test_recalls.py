@@ -9,10 +9,8 @@ from tests.support.measuring import field_frame, measure
 from tests.support.meters import (
     CERTIFICATE,
     METER,
-    add_readings,
     enter_meter,
     metered_campaign,
-    withdraw_readings,
 )
 
 pytestmark = pytest.mark.either_database
@@ -84,15 +82,6 @@ def test_what_goes_with_it_is_no_successor(house, made):
     house.publish({"id": made["by_good"]}, valid_to="2026-05-02T00:00:00Z")
     (touched,) = house.get(f"/v1/recalls/{recall['id']}")["versions"][1]["measurements"]
     assert touched["successor"]["calibration_id"] == made["by_good"]
-
-
-def test_a_meter_replaced_after_the_fit_is_found(house, made):
-    withdraw_readings(house, made["campaign"])
-    other = enter_meter(house, serial="third")
-    add_readings(house, made["campaign"], other)
-    fourth = calibrate(house, made["campaign"])
-    assert propose(house, {"meter_id": made["bad"]})["calibration_ids"] == made["by_bad"]
-    assert propose(house, {"meter_id": other})["calibration_ids"] == [fourth["id"]]
 
 
 def test_a_certificate_replaced_after_the_fit_is_found(house, made):

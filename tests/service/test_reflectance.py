@@ -162,6 +162,9 @@ def test_the_panel_measures_itself_and_the_map_agrees(house, staged):
     )
     tilted = house.measure(frame_id=frame["id"], calibration_id=version["id"], incidence_angle_deg=60)
     assert tilted["mean"]["value"] == pytest.approx(0.36, rel=1e-6)
+    # by one K, whose error is in both
+    compared = house.get(f"/v1/measurements/{tilted['id']}/comparison", old=found["id"])
+    assert (compared["common"], compared["change"]["value"]) == (["K"], pytest.approx(100.0, rel=1e-6))
 
 
 def flight_of(house, campaign, contents):

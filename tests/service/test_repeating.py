@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from sqlalchemy import func, select
 
-from store.tables import Camera, Campaign, FrameRow, Meter, Reading
+from store.tables import Camera, FrameRow, Meter, Reading
 from tests.support.campaigns import ROI, calibrated_campaign
 from tests.support.house import CAMERA
 from tests.support.meters import CERTIFICATE, METER
@@ -19,17 +19,6 @@ KEY = {"Idempotency-Key": "visit 7, page 3"}
 def rows(house, table):
     with house.database.reading() as session:
         return session.scalar(select(func.count()).select_from(table))
-
-
-def test_a_repeated_request_gives_the_same_answer_and_one_row(house):
-    camera = house.camera()
-    campaign = {"camera_id": camera["id"], "method": "luminance"}
-    first = house.http.post("/v1/campaigns", json=campaign, headers=KEY)
-    again = house.http.post("/v1/campaigns", json=campaign, headers=KEY)
-    assert (again.status_code, again.json()) == (first.status_code, first.json()) == (201, first.json())
-    assert again.headers["idempotent-replayed"] == "true"
-    assert "idempotent-replayed" not in first.headers
-    assert rows(house, Campaign) == 1
 
 
 def test_the_same_key_with_another_request_is_refused(house):
@@ -114,6 +103,7 @@ def test_every_post_can_be_repeated(house, staged):
         first = house.http.post(path, **request, headers=key)
         again = house.http.post(path, **request, headers=key)
         assert again.headers.get("idempotent-replayed") == "true", path
+        assert "idempotent-replayed" not in first.headers
         assert (again.status_code, again.json()["id"]) == (first.status_code, first.json()["id"])
 
 

@@ -112,12 +112,6 @@ def test_a_serial_alone_names_a_registered_panel(card, team, signed_in):
     assert signed_in("campaign", "panel", campaign.id).code == Exit.USAGE
 
 
-def test_half_a_panel_is_refused_by_what_it_lacks(card):
-    write_panels(card, '[[panel]]\nserial = "P"\n[[panel]]\nserial = "P"\n')
-    with pytest.raises(Unclear, match="bands in panel is not filled in"):
-        read_plan(card)
-
-
 def test_a_target_is_said_anew_only_when_it_has_changed(card, team, monkeypatch):
     path = card / "campaign.toml"
     said = path.read_text().split("[panel]")[0].replace("reflectance", "geometry")

@@ -44,12 +44,6 @@ def test_a_key_of_any_scope_and_name_can_sign_in(stilb_command, team):
     assert "Ask an admin" in ended.err
 
 
-def test_the_key_may_come_from_the_environment(stilb_command, team, monkeypatch):
-    monkeypatch.setenv("STILB_KEY", team.key)
-    monkeypatch.setenv("STILB_URL", team.url)
-    assert stilb_command("whoami", "--json").json["url"] == team.url
-
-
 def test_the_key_may_be_typed(stilb_command, team, monkeypatch):
     monkeypatch.setattr(
         "typer.prompt", lambda *_, hide_input, err: f" {team.key} " if hide_input and err else ""
