@@ -431,6 +431,6 @@ def as_text(moment: Moment | None) -> str | None:
     """A time as the service reads it; a datetime without its zone could mean two moments and is refused."""
     if moment is None or isinstance(moment, str):
         return moment
-    if moment.tzinfo is None:
+    if getattr(moment, "tzinfo", None) is None:  # a plain day has none either
         raise ValueError(f"{moment!r} has no time zone")
     return moment.isoformat()

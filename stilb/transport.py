@@ -13,6 +13,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -22,6 +23,7 @@ from urllib.parse import quote
 import httpx
 
 from stilb import problem
+from stilb.records import as_text
 
 
 @cache
@@ -104,6 +106,15 @@ class Transport:
         backoff_s: float,
         on_retry: OnRetry | None = None,
     ) -> None:
+        try:
+            is_address = httpx.URL(url).scheme in {"http", "https"} and httpx.URL(url).host
+        except httpx.InvalidURL:
+            is_address = False
+        if not is_address:
+            raise problem.Unclear(f"{url!r} is not an address such as https://calib.example")
+        key = key.strip()  # of a file, the end of its line
+        if not (key.isascii() and key.isprintable() and key.split() == [key]):
+            raise problem.Unclear("The key is empty, or more than one word of ASCII letters")
         self._http = httpx.Client(
             base_url=url,
             verify=_trusted(),
@@ -244,8 +255,11 @@ class Transport:
             page = self.json(Call(method="GET", path=path, query=dict(httpx.URL(page["next"]).params)))
 
     def _once(self, call: Call, headers: Mapping[str, str]) -> httpx.Response:
-        sent: dict[str, Any] = {"json": call.json, "headers": headers}
+        sent: dict[str, Any] = {"headers": headers}
         sent["content"] = self._watched(call.stream()) if call.stream else call.text
+        if call.json is not None:
+            sent["headers"] = {"Content-Type": "application/json", **headers}
+            sent["content"] = _write_json(call.json)
         # httpx drops an address's own query for an empty one
         sent["params"] = without_none(call.query) or None
         # httpx takes None in `timeout` for "wait for ever".
@@ -298,6 +312,18 @@ def _read_events(lines: Iterator[str]) -> Iterator[tuple[str, str, dict[str, Any
             if "data" in said:
                 yield said.get("id", ""), said["event"], json.loads(said["data"])
             said = {}
+
+
+def _write_json(value: object) -> bytes:
+    def simplify(found: Any) -> object:  # noqa: ANN401
+        if isinstance(found, datetime):
+            return as_text(found)
+        if hasattr(found, "tolist"):  # of NumPy and pandas
+            return found.tolist()
+        raise TypeError(f"{found!r} cannot be sent as JSON")
+
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=simplify)
+    return text.encode()
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -1,7 +1,8 @@
 """Each method asks the route that the contract names, and reads the answer that the contract describes."""
 
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 
+import numpy as np
 import pytest
 
 import stilb
@@ -103,8 +104,30 @@ def test_the_history_of_a_camera(service, client):
 
 
 def test_a_time_without_its_zone_is_refused():
-    with pytest.raises(ValueError, match="has no time zone"):
-        as_text(datetime(2025, 1, 1))  # noqa: DTZ001  the point of the test
+    for moment in (datetime(2025, 1, 1), date(2025, 1, 1)):  # noqa: DTZ001  the point of the test
+        with pytest.raises(ValueError, match="has no time zone"):
+            as_text(moment)
+
+
+def test_numbers_of_a_notebook_and_times_are_sent(service, client):
+    service.will_answer({"polygon": [[0, 0], [1, 0], [1, 1]]})
+    client.set_roi("cmp-1", polygon=np.array([[0, 0], [1, 0], [1, 1]]))
+    assert service.asked[0].json == {"polygon": [[0, 0], [1, 0], [1, 1]]}
+    service.will_answer({"items": []})
+    at = datetime(2026, 5, 1, tzinfo=UTC)
+    client.add_readings("cmp-1", [{"scene": "a", "value": np.int64(4), "taken_at": at}])
+    assert service.asked[1].json == [{"scene": "a", "value": 4, "taken_at": "2026-05-01T00:00:00+00:00"}]
+
+
+def test_a_key_is_never_shown_and_the_end_of_its_line_is_no_part_of_it(service):
+    service.will_answer({"items": [], "next": None})
+    with stilb.Client(service.url, "secret\n") as client:
+        assert list(client.cameras()) == []
+    assert service.asked[0].headers["authorization"] == "Bearer secret"
+    for key in ("", "secret secret", "sécret"):
+        with pytest.raises(stilb.Unclear, match="The key is empty, or") as found:
+            stilb.Client(service.url, key)
+        assert "secret" not in str(found.value)
 
 
 def test_rows_of_a_series_have_the_same_columns(service, client):

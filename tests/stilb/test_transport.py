@@ -106,7 +106,7 @@ def test_retry_after_may_be_a_date_and_what_means_nothing_is_ignored():
     assert [read(value) for value in ("soon", "-3", "")] == [None] * 3
 
 
-def test_nobody_listening_is_a_problem_too_and_no_address_is_not_tried_again():
+def test_nobody_listening_is_a_problem_too_and_so_is_no_address():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound and not listening: the port refuses
         url = f"http://127.0.0.1:{taken.getsockname()[1]}"
@@ -114,9 +114,15 @@ def test_nobody_listening_is_a_problem_too_and_no_address_is_not_tried_again():
         with stilb.Client(url, "k", **settings) as client, pytest.raises(stilb.Problem) as found:
             client.camera("cam-1")
     assert (found.value.status, found.value.code, found.value.retryable) == (0, "unreachable", True)
-    with stilb.Client("ftp://127.0.0.1", "k") as client, pytest.raises(stilb.Problem) as found:
-        client.camera("cam-1")
-    assert found.value.code == "not_sent"
+    for no_address in (
+        "127.0.0.1:8000",
+        "ftp://127.0.0.1",
+        "http://[::1",
+        "http://calib.example:80O0",
+        "http://",
+    ):
+        with pytest.raises(stilb.Unclear, match="is not an address"):
+            stilb.Client(no_address, "k")
 
 
 def test_a_list_is_read_page_after_page(service, client):
