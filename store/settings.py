@@ -38,6 +38,15 @@ _ADDRESSES = {
         r"(?!\w+://)|file:///|s3://[^/?#]+(/[^?#]*)?$",
         "must be a folder, file:///folder or s3://bucket/prefix",
     ),
+    # another form would be started with, and fit no request
+    "CORS_ORIGINS": (
+        r"\*$|(\s*https?://[^/\s,]+/?\s*(,|$))+\s*$",
+        "must be origins such as https://board.example, separated by commas",
+    ),
+    "ALLOWED_HOSTS": (
+        r"(\s*(https?://)?[^/\s,*]+/?\s*(,|$))+\s*$",
+        "must be host names such as https://calib.example, separated by commas",
+    ),
 }
 
 # No infinity: it passes a lower limit, and no clock takes it.

@@ -54,6 +54,14 @@ def test_a_value_out_of_range_is_named(refused):
         ),
         ("BLOBS_URL", "s3://bucket?x", "must be a folder, file:///folder or s3://bucket/prefix"),
         ("BLOBS_URL", "gs://bucket", "must be a folder, file:///folder or s3://bucket/prefix"),
+        *[
+            ("CORS_ORIGINS", each, "must be origins such as https://board.example, separated by commas")
+            for each in ("board.example", "https://a.example https://b.example", "https://board.example/app")
+        ],
+        *[
+            ("ALLOWED_HOSTS", each, "must be host names such as https://calib.example, separated by commas")
+            for each in ("*", "https://calib.example/app")
+        ],
     ],
 )
 def test_an_address_of_another_kind_is_refused_without_what_it_holds(refused, name, value, line):
