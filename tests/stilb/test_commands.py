@@ -14,6 +14,7 @@ from stilb.commands.access import examine_health
 from stilb.commands.app import app
 from stilb.commands.calibration import list_reasons, show_rig
 from stilb.commands.output import Exit, exit_of, next_step, read_moment
+from stilb.resources.organisation import _clock_ahead_s
 from store.software import read_version
 from tests.support.campaigns import K_TRUE
 from tests.support.compose import ROOT
@@ -336,6 +337,14 @@ def test_doctor_judges(changes, check, state):
     assert {finding.state for finding in examine_health(stilb.Health(**HEALTHY))} == {"ok"}
     findings = {each.check: each.state for each in examine_health(stilb.Health(**HEALTHY | changes))}
     assert findings == {**dict.fromkeys(findings, "ok"), check: state}
+
+
+def test_clock_is_compared_at_the_middle_of_the_request():
+    """The header's seconds are cut off: half of one is added."""
+    sent_at = datetime(2026, 5, 1, 20, tzinfo=UTC)
+    there = format_datetime(sent_at + timedelta(seconds=3), usegmt=True)
+    assert _clock_ahead_s(there, sent_at, 2.0) == 3.0 + 0.5 - 1.0
+    assert _clock_ahead_s("soon", sent_at, 2.0) is None
 
 
 def test_doctor_where_a_proxy_keeps_the_metrics_and_the_clock_is_wrong(stilb_command, service):

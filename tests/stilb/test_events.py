@@ -65,3 +65,6 @@ def test_a_cut_stream_goes_on_after_the_last_event(service, client):
     with pytest.raises(stilb.Problem, match="revoked"):
         next(events)
     assert [asked.headers.get("last-event-id") for asked in service.asked] == [None, "4", "4"]
+    service.will_refuse(404, "not_found")
+    with pytest.raises(stilb.Problem, match="not_found"):
+        next(client.campaign_events("of nobody"))
