@@ -94,16 +94,6 @@ def in_use(team, campaign_id):
     return sorted(r["value"] for r in team.client.readings(campaign_id) if "withdrawn_at" not in r)
 
 
-def test_bad_rows_are_named_with_their_lines(signed_in, handful):
-    with (handful / NUMBERS).open("a") as file:
-        file.write("level-1,luminance,bright,cd/m2\nlevel-1,luminance,5,lx\n")
-    ended = signed_in("campaign", "run", handful)
-    assert ended.code == Exit.REFUSED
-    assert "line 10.value" in ended.err
-    assert "line 11" in ended.err
-    assert "lx is no unit of luminance" in ended.err
-
-
 def test_american_units_and_a_decimal_comma(signed_in, team, tmp_path):
     campaign = team.campaign()
     path = tmp_path / "lambert.csv"
