@@ -129,9 +129,11 @@ def publish(
     dry_run: bool = typer.Option(False, "--dry-run", help="Only show what it would change."),
 ) -> None:
     """Publish a version after showing what it changes."""
-    start, end = read_moment(valid_from), read_moment(valid_to)
+    # now is the service's, whose clock says what is in force: a laptop's may be days off
+    asked, end = None if valid_from == "now" else read_moment(valid_from), read_moment(valid_to)
     with output.client() as client:
-        impact = client.impact(calibration, at=start)
+        impact = client.impact(calibration, at=asked)
+        start = asked or f"{impact['at'][:19]}Z"
         if dry_run:
             output.answer(impact, *format_impact(impact), *_format_gaps(impact))
             return
@@ -320,7 +322,8 @@ def k(
     And where it comes from. Of another method: every coefficient that is in force.
     """
     name = read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None
-    asked: dict[str, Any] = {"name": name, "at": read_moment(at), "known_at": read_moment(known_at)}
+    asked: dict[str, Any] = {"name": name, "known_at": read_moment(known_at)}
+    asked["at"] = None if at == "now" else read_moment(at)
     with output.client() as client:
         camera_id = client.find_camera(camera).id
         found = client.coefficients(camera_id, method=method, iso=iso, f_number=f_number, **asked)

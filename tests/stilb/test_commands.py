@@ -5,6 +5,7 @@ import json
 import re
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
+from unittest.mock import Mock
 
 import pytest
 import typer
@@ -402,6 +403,16 @@ def test_times_as_people_type_them():
     assert read_moment("2026-05-01T20:00:00+02:00") == "2026-05-01T20:00:00+02:00"
     assert abs(datetime.fromisoformat(read_moment("now")) - datetime.now(UTC)) < timedelta(minutes=1)
     assert read_moment(None) is None
+
+
+def test_now_is_the_services_when_a_version_is_published(command, calibrated, monkeypatch):
+    *_, version, _ = calibrated
+    monkeypatch.setattr(
+        "stilb.commands.output.datetime", Mock(now=lambda _: datetime(2031, 1, 1, tzinfo=UTC))
+    )
+    impact = command("publish", version.id, "--from", "now", "--reason", "r", "--dry-run", "--json").json
+    assert abs(datetime.fromisoformat(impact["at"]) - datetime.now(UTC)) < timedelta(minutes=1)
+    assert command("k", "0K1XE8", "--iso", 3200, "--at", "now").code == Exit.DONE
 
 
 def test_a_rig_is_registered_and_named_again(command, calibrated):
