@@ -129,8 +129,8 @@ def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
 
 
 def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:
-    """Jobs that recompute a campaign's frames; ``own_region``: also those with a region of their own."""
-    wanted = select(FrameRow).where(FrameRow.standing(campaign.id), FrameRow.state != "refused")
+    """Jobs that compute a campaign's frames, refused ones too; ``own_region``: also those with their own."""
+    wanted = select(FrameRow).where(FrameRow.standing(campaign.id))
     if not own_region:
         wanted = wanted.where(FrameRow.roi_id.is_(None))
     frames = session.scalars(wanted.order_by(FrameRow.id))

@@ -203,3 +203,15 @@ def test_a_region_in_parts_that_changes_is_computed_anew(house):
     house.patch(path, {"target": {"kind": "slanted_edge", "edge_order": 1}})
     assert house.work() == 1
     house.patch(path, {"target": {"kind": "slanted_edge", "edge_order": 9}}, status=422)
+
+
+def test_a_frame_that_was_refused_for_its_region_is_read_with_the_next(house):
+    campaign = begin(house, "sharpness", CANON)
+    content = data_file("edge/Test_edge1.tif").read_bytes()
+    frame = house.upload(campaign, content, role="chart", filename="edge.tif")
+    states = []
+    for corner in ((120, 40), (343, 124)):
+        draw(house, campaign, {"polygon": [[0, 0], [corner[0], 0], [*corner], [0, corner[1]]]})
+        house.work()
+        states.append(house.get(f"/v1/frames/{frame['id']}")["state"])
+    assert states == ["refused", "extracted"]
