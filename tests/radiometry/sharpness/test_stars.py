@@ -78,7 +78,7 @@ def test_a_known_centre_is_taken_in_the_coordinates_of_regions():
     assert measure(target=elsewhere)["grey"].centre_row_px == pytest.approx(95.3, abs=0.05)
 
 
-@pytest.mark.parametrize("changes", [{"bars": True}, {"cycles": 37}, {"cycles": 24, "bars": True}])
+@pytest.mark.parametrize("changes", [{"cycles": 37}, {"cycles": 24, "bars": True}])
 def test_bars_and_odd_cycles_do_as_well(changes):
     one = replace(STAR, **changes)
     found = measure(one, target=replace(TARGET, cycles=one.cycles))["grey"]
