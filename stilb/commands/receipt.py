@@ -17,6 +17,8 @@ app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."
 )
 
+_NOT_SENT = ": not covered, not sent"
+
 File = Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="The receipt.")]
 Key = Annotated[
     Path | None,
@@ -58,7 +60,9 @@ def verify(
         _finish({"valid": False, "reason": str(invalid)}, [str(invalid)], as_json=as_json, well=False)
         return
     differences = [] if card is None else receipts.compare_card(receipt, card)
-    lines = [*_describe(receipt), f"signed with {key_id}, a key of {origin}", *differences]
+    apart = {each.removesuffix(": not in the receipt") for each in differences}
+    lines = [line for line in _describe(receipt) if line.removesuffix(_NOT_SENT) not in apart]
+    lines += [f"signed with {key_id}, a key of {origin}", *differences]
     if differences:
         lines.append("Do not delete this folder: the receipt does not cover the files above.")
     result = {"valid": True, "key": origin, "differences": differences, "receipt": receipt}
@@ -124,7 +128,7 @@ def _describe(receipt: dict[str, Any]) -> list[str]:
         notes += ["withdrawn from the campaign"] if "withdrawn_at" in file else []
         if notes:
             lines.append(f"{file['name']}: stored, {' and '.join(notes)}")
-    lines += [f"{file['name']}: not covered, not sent" for file in receipt["not_covered"]]
+    lines += [f"{file['name']}{_NOT_SENT}" for file in receipt["not_covered"]]
     return lines
 
 

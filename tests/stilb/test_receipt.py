@@ -24,6 +24,7 @@ def test_a_push_writes_a_receipt_that_is_verified_offline(signed_in, team, card,
     told = signed_in("receipt", "verify", kept)
     assert (told.code, "2 files" in told.out, "log.txt: not covered, not sent" in told.out) == (0, True, True)
     assert signed_in("receipt", "verify", kept, "--card", card / "dark").code == Exit.FINDINGS
+    assert signed_in("receipt", "verify", kept, "--card", card).out.count("log.txt") == 1
     (card / "log.txt").unlink()
     assert signed_in("receipt", "verify", kept, "--card", card).code == Exit.DONE
     (card / "dark" / "1.DNG").write_bytes(b"another")
