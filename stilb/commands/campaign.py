@@ -15,7 +15,7 @@ from stilb.commands.output import CampaignNamed, Exit, Output, command
 from stilb.commands.push import Folder, add_unread, place, transfer
 from stilb.commands.terminal import format_findings, lines, showing, table
 from stilb.field import plan as plans
-from stilb.field.files import ANY_RULES, quote, read_camera, sort_files
+from stilb.field.files import ANY_RULES, find_method, quote, read_camera, sort_files
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
 from stilb.problem import Unclear
@@ -83,6 +83,13 @@ def run(
     plan = plans.read_plan(folder)
     files, left_out = sort_files(folder, plan.rules or ANY_RULES)
     with output.client() as client:
+        if plan.method == DEFAULT_METHOD and not plan.rules and not plans.find_planned(client, plan):
+            suited = find_method(client, folder, files)
+            if suited not in {None, plan.method}:
+                output.note(
+                    f"these files look like a {suited} campaign, and {plans.FILENAME} states {plan.method}: "
+                    f"to change it, press Ctrl-C, remove it, and stilb campaign init --method {suited}"
+                )
         campaign = plans.ensure_campaign(client, plan)
         output.note(f"campaign {campaign.id}, {plan.project_number}")
         count, others = plans.ensure_readings(client, plan, campaign.id)

@@ -164,17 +164,30 @@ def place_files(
     client: Client, folder: Path, files: Sequence[FieldFile], **about: str
 ) -> tuple[list[FieldFile], list[str]]:
     """Return the files as `Client.propose` places them, and those without a header."""
-    headers = {file.name: header for file in files if (header := read_header(file.path))}
-    known = [file for file in files if file.name in headers]
-    asked = [
-        {"name": f"{folder.resolve().name}/{file.name}".encode(errors="replace").decode()[-1000:]}
-        | {name: value for name, value in headers[file.name].items() if name not in _CAMERA}
-        for file in known
-    ]
+    asked, known = _describe_headers(folder, files)
     placed = client.propose(asked, **about)["frames"] if asked else []
     pairs = zip(known, placed, strict=True)
     found = [replace(file, role=each["role"], scene=each.get("scene")) for file, each in pairs]
-    return found, [file.name for file in files if file.name not in headers]
+    placed_names = {file.name for file in known}
+    return found, [file.name for file in files if file.name not in placed_names]
+
+
+def find_method(client: Client, folder: Path, files: Sequence[FieldFile]) -> str | None:
+    """Return the method that the files suit by their headers; None if none has one."""
+    asked, _ = _describe_headers(folder, files)
+    return client.propose(asked)["method"] if asked else None
+
+
+def _describe_headers(
+    folder: Path, files: Sequence[FieldFile]
+) -> tuple[list[dict[str, Any]], list[FieldFile]]:
+    headers = {file.name: header for file in files if (header := read_header(file.path))}
+    asked = [
+        {"name": f"{folder.resolve().name}/{name}".encode(errors="replace").decode()[-1000:]}
+        | {key: value for key, value in header.items() if key not in _CAMERA}
+        for name, header in headers.items()
+    ]
+    return asked, [file for file in files if file.name in headers]
 
 
 def _read_text(tags: Mapping[str, Any], *keys: str) -> str | None:

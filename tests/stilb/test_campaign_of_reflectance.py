@@ -66,6 +66,14 @@ def test_from_card_to_one_k_a_band_in_force(signed_in, card):
     assert all(band in shown.out for band in BANDS)
 
 
+def test_files_of_another_method_than_the_default_are_told_before_they_are_sent(signed_in, card):
+    (card / "campaign.toml").unlink()
+    assert signed_in("campaign", "init", card).code == Exit.DONE
+    told = "these files look like a reflectance campaign, and campaign.toml states luminance"
+    assert told in " ".join(signed_in("campaign", "run", card, "--no-fit").err.split())
+    assert told not in " ".join(signed_in("campaign", "run", card, "--no-fit").err.split())
+
+
 def test_a_corrected_panel_takes_the_place_of_the_other(card, team):
     first = ensure_campaign(team.client, read_plan(card))
     same = ensure_campaign(team.client, read_plan(card))
