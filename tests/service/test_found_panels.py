@@ -128,8 +128,11 @@ def state_panel(content, albedo, *, serial=SERIAL, area=""):
 
 
 @pytest.mark.either_database
-def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
-    """Nothing is registered: its reflectances are those that the files state, and flagged as such."""
+def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house, stranger):
+    """Here nothing is registered: its reflectances are those that the files state, and flagged as such."""
+    bands = [{"band": band, "reflectance": 0.6} for band in ("blue", "red")]
+    measured = {"serial": SERIAL.lower(), "measured_on": "2017-10-01", "bands": bands}
+    assert stranger.post("/v1/panels", json=measured).status_code == 201
     made = start(house)
     for band in ("blue", "red"):
         content = state_panel(data_file(f"rededge/{name(0, band)}").read_bytes(), ALBEDO[band])
@@ -149,8 +152,7 @@ def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
     flags = {flag for row in version["coefficients"] for flag in row["flags"]}
     assert {"panel_from_file", "panel_uncertainty_missing"} <= flags
     # a measurement goes before it, and a panel that was measured is named by its serial alone
-    bands = [{"band": band, "reflectance": 0.6} for band in ("blue", "red")]
-    house.post("/v1/panels", {"serial": SERIAL.lower(), "measured_on": "2017-10-01", "bands": bands})
+    house.post("/v1/panels", measured)
     assert {point["panel_reflectance"] for point in calibrate(house, made)["points"]} == {0.6}
 
 

@@ -137,7 +137,7 @@ class InHouse(Transport):
     """The client's transport over the test's own HTTP client."""
 
     def __init__(self, house: House):
-        super().__init__("http://house", "", timeout_s=60.0, retries=2, backoff_s=0.0)
+        super().__init__("http://house", "key", timeout_s=60.0, retries=2, backoff_s=0.0)
         self.close()
         self._house = house
         self.asked: list[str] = []
