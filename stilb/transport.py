@@ -326,10 +326,11 @@ def _write_json(value: object) -> bytes:
     return text.encode()
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_whole(path: Path, content: str | bytes, *, mode: int = 0o666) -> None:
     """Write a file beside its place and put it there, never half of it; an error names the file."""
     beside = path.with_name(f".{uuid.uuid4().hex}.part")
     try:
+        beside.touch(mode)
         beside.write_bytes(content.encode() if isinstance(content, str) else content)
         beside.replace(path)
     except OSError as error:

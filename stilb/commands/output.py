@@ -4,7 +4,6 @@ import errno
 import functools
 import inspect
 import json
-import os
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -101,17 +100,8 @@ def read_login(folder: Path) -> Login | None:
 def keep_login(folder: Path, login: Login) -> Path:
     """Keep it for this user alone; never half of it, and not for a moment readable for others."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft, path = folder / "login.json.draft", _login_file(folder)
-    draft.unlink(missing_ok=True)
-    handle = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(asdict(login), file)
-    except OSError as error:
-        draft.unlink()
-        error.filename = str(path)
-        raise
-    draft.replace(path)
+    path = _login_file(folder)
+    transport.write_whole(path, json.dumps(asdict(login)), mode=0o600)
     return path
 
 

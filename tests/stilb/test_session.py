@@ -20,7 +20,6 @@ def test_a_key_is_checked_and_kept_for_its_owner_alone(stilb_command, team, conf
     assert json.loads(told) == {"url": team.url, "key": team.key}
     kept.write_text("{}")
     kept.chmod(0o644)
-    (config / "login.json.draft").write_text("left by a crash")
     assert stilb_command("login", team.url, "--key", team.key).code == Exit.DONE
     assert (kept.read_text(), stat.S_IMODE(kept.stat().st_mode)) == (told, 0o600)
 
