@@ -149,11 +149,11 @@ def test_a_large_file_that_the_service_fails_at_is_tried_after_the_others(page, 
     large = [write_frame(tmp_path / f"level-1-{n}.DNG", shape=(1000, 1500), seed=n) for n in range(5)]
     page.goto(f"/campaigns/{team.campaign().id}")
     choose(page, large)
-    failed = []
+    tried = []
 
     def answer(route):
-        if not failed or route.request.url == failed[0]:
-            failed.append(route.request.url)
+        tried.append(route.request.url)
+        if tried[-1] == tried[0]:
             route.fulfill(status=500, json={"detail": "Broken", "code": "internal_error", "retryable": True})
         else:
             route.fallback()
@@ -163,7 +163,8 @@ def test_a_large_file_that_the_service_fails_at_is_tried_after_the_others(page, 
     )
     page.get_by_role("button", name="Send 5 files").click()
     expect(page.get_by_role("link", name="4 received")).to_be_visible()
-    assert len(failed) <= 2
+    again = [at for at, url in enumerate(tried) if url == tried[0]][1:] or [len(tried)]
+    assert len({*tried[1 : again[0]]}) >= 3  # of four, of which one may be at its first question yet
     page.unroute_all()
     expect(page.get_by_text("5 of 5 received")).to_be_visible()
     page.context.complaints.clear()
