@@ -29,7 +29,7 @@ _PAUSE_S: Final = 60.0  # a pause this long starts a scene, if it is also _PAUSE
 _PAUSES: Final = 2.5
 _EXPOSURE_RATIO: Final = 4.0  # a change of t S / f^2 by this factor starts a scene after two median pauses
 _DARK_SIGNAL: Final = 0.002  # the centre of a dark frame is below this share of the range from black to white
-_SERIES: Final = 3  # more exposure times at one f-number are a series of exposures
+_SERIES: Final = 3  # more exposure times with two frames each, at one f-number, are a series
 _MOST_CAMPAIGNS: Final = 50
 _MOST_FRAMES: Final = 10_000
 _Key = tuple[str, float | None, float]  # name, size [B] and time [s] of a file
@@ -97,11 +97,10 @@ def choose_methods(
         looks_like_night = night is not None and night.name in in_force and not apart
     best = max(able, key=score)
     lit = [frame for frame in frames if not frame.is_dark]
-    by_time = (
-        len({frame.f_number for frame in lit}) == 1
-        and len({frame.exposure_time_s for frame in lit}) > _SERIES
-    )
-    if by_time and best.grid.rows == "f_number":
+    times = Counter(frame.exposure_time_s for frame in lit if frame.exposure_time_s)
+    paired = [time_s for time_s, count in times.items() if count > 1]
+    by_time = len(paired) > _SERIES and max(paired) > _EXPOSURE_RATIO * min(paired)
+    if by_time and len({frame.f_number for frame in lit}) == 1 and best.grid.rows == "f_number":
         others = [spec for spec in able if spec.grid.rows == "exposure_time_s"]
         best = next((spec for spec in others if score(spec) == score(best)), best)
     return best, night, looks_like_night and night is not None

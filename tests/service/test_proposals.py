@@ -53,8 +53,12 @@ def test_method_follows_names_bands_pictures_and_what_is_in_force():
     flats = [*(frame(f"flat/{n}.DNG") for n in range(3)), frame("dark/1.DNG", signal=0.0)]
     assert sort(flats)[0] == "vignetting"
     assert [role for role, _ in sort(flats)[2]] == ["flat"] * 3 + ["dark"]
-    series = [frame(f"flat/{n}.DNG", exposure_time_s=0.01 * n) for n in range(1, 6)]
-    assert sort(series)[0] == "noise"
+    series = [frame(f"flat/{n}.DNG", exposure_time_s=0.01 * (n // 2)) for n in range(2, 12)]
+    chosen_by_the_camera = [frame(f"flat/{n}.DNG", exposure_time_s=0.01 + n // 2 / 1e4) for n in range(8)]
+    assert [sort(card)[0] for card in (series, series[::2], chosen_by_the_camera)] == [
+        "noise",
+        *["vignetting"] * 2,
+    ]
     assert (
         sort([each.model_copy(update={"f_number": 1.4 * n}) for n, each in enumerate(series, 1)])[0]
         == "vignetting"
