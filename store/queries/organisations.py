@@ -263,11 +263,9 @@ def find_or_add_panel(session: Session, organisation_id: str, values: dict[str, 
     """The panel of this serial as measured on this day; new figures replace those that no version used."""
     panel, is_new = find_or_add(session, Panel, organisation_id, values, by=("serial", "measured_on"))
     if panel.bands != values["bands"]:
-        fitted = select(Calibration.inputs).where(Calibration.organisation_id == organisation_id)
-        versions = session.scalars(fitted.execution_options(yield_per=10))
-        used = {
-            (each["serial"], each["measured_on"]) for inputs in versions for each in inputs.get("panels", [])
-        }
+        fitted = select(Calibration.inputs["panels"]).where(Calibration.organisation_id == organisation_id)
+        versions = session.scalars(fitted)
+        used = {(each["serial"], each["measured_on"]) for panels in versions for each in panels or ()}
         if (panel.serial, panel.measured_on.isoformat()) not in used:
             panel.bands = values["bands"]
             session.flush()

@@ -91,6 +91,7 @@ def test_a_capture_becomes_one_k_a_band(house, staged):
     assert [(row["band"], row["value"]) for row in found] == [("nir", ks["nir"]["value"])]
 
 
+@pytest.mark.both_databases
 def test_the_panel_that_a_version_used_keeps_its_figures(house, staged):
     staged(begin_and_fit)
     other = PANEL | {"bands": [{"band": "green", "reflectance": 0.5}]}
