@@ -32,6 +32,12 @@ def choose(page, files):
     page.get_by_label("Files to send").set_input_files(files)
 
 
+def choose_large(page, team, folder, *, count, shape=(1000, 1500)):
+    page.goto(f"/campaigns/{team.campaign().id}")
+    choose(page, [write_frame(folder / f"level-1-{n}.DNG", shape=shape, seed=n) for n in range(count)])
+    expect(page.get_by_text("all compared")).to_be_visible()
+
+
 def names_of(team, campaign):
     with team.http() as http:
         items = http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"]
@@ -128,10 +134,7 @@ def test_files_that_the_service_fails_at_hold_up_no_other(page, team, tmp_path):
 
 
 def test_a_connection_that_is_back_is_seen_before_a_large_file_is_whole(page, team, tmp_path):
-    large = [write_frame(tmp_path / f"level-1-{n}.DNG", shape=(1000, 1500), seed=n) for n in range(3)]
-    page.goto(f"/campaigns/{team.campaign().id}")
-    choose(page, large)
-    expect(page.get_by_text("all compared")).to_be_visible()
+    choose_large(page, team, tmp_path, count=3)
     page.route("**/v1/uploads", lambda route: route.abort("connectionfailed"))
     page.get_by_role("button", name="Send 3 files").click()
     lost = page.get_by_text("No connection since")
@@ -146,9 +149,7 @@ def test_a_connection_that_is_back_is_seen_before_a_large_file_is_whole(page, te
 
 
 def test_a_large_file_that_the_service_fails_at_is_tried_after_the_others(page, team, tmp_path):
-    large = [write_frame(tmp_path / f"level-1-{n}.DNG", shape=(1000, 1500), seed=n) for n in range(5)]
-    page.goto(f"/campaigns/{team.campaign().id}")
-    choose(page, large)
+    choose_large(page, team, tmp_path, count=5)
     tried = []
 
     def answer(route):
