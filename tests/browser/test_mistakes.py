@@ -264,6 +264,7 @@ def type_the_readings(page, team, campaign):
     expect(page.locator(".preview-lines")).to_contain_text("no frames of levle-3")
     lines.fill("level-3\t1,7\tcd/m²\t2026-05-01 20:30")
     store.dblclick()
+    expect(lines).to_have_count(0)  # stored: the stages said as much before
     expect(page.get_by_role("list", name="Stages")).to_contain_text("3 readings, 3 scenes")
     with team.http() as http:
         made = http.get(f"/v1/campaigns/{campaign.id}/readings").json()["items"]
