@@ -6,12 +6,13 @@ from typing import Annotated, Final
 from fastapi import Query, Request, Response
 
 from radiometry.drawing.text import in_step, write_exposure, write_unit
+from radiometry.road import drawing
 from service.documents.issuing import send_pdf
 from service.documents.rendered import Order, order_sheets
 from service.documents.sheets import Node, optional, percent, plain, stamp, table
 from service.http import answers, lookup, operations
 from service.http.context import UsesContext
-from service.roads import drawing, routes, schemas, words
+from service.roads import routes, schemas, words
 from store.queries.organisations import name_laboratory
 from store.tables import Organisation, Road
 
@@ -89,7 +90,10 @@ def _tabulate_results(result: Node) -> Node:
             u = f"± {u} ({percent(each['expanded_uncertainty'] / each['value'])})"
             value += "" if each["unit"] == "1" else f" {write_unit(each['unit'])}"
         if rule := judged.get(name):
-            limit, verdict = words.write_limit(rule, short=True), words.VERDICTS[rule["verdict"]]
+            limit, verdict = (
+                words.write_limit(rule, short=True),
+                words.VERDICTS[rule["verdict"]],
+            )
             likely = words.write_probability(rule.get("probability"))
         rows.append([" ".join(words.FIGURES[name][:2]), value, u, limit, likely, verdict])
     budget = ", ".join(f"{each['source']} {percent(each['u_rel'])}" for each in result["budget"])

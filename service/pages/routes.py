@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.frame.multispectral import NAMED_INDICES
+from radiometry.road.drawing import draw_map
 from service.equipment.routes import Versions
 from service.http import auth, counts, models, operations, problems, signatures
 from service.http.context import Context, UsesContext
@@ -19,7 +20,6 @@ from service.http.lookup import Own, owned
 from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage, render
 from service.roads import routes as roads
-from service.roads.drawing import draw_map
 from service.tools.routes import describe_tools
 from store import tables
 from store.queries import calibrations, evidence, fleet, organisations

@@ -10,8 +10,8 @@ import pytest
 from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
+from radiometry.road.drawing import Canvas
 from service.pages.cameras import View, draw_figure
-from service.roads.drawing import Canvas
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"

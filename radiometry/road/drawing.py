@@ -85,7 +85,19 @@ class Canvas:
 
 
 def draw_map(result: Node, png: bytes, *, is_upright: bool = False, layers: Sequence[str] = ()) -> str:
-    """Draw an evaluation, as it is answered, on its map. ``layers`` : e, grid, isolux, points; else all."""
+    """Draw an evaluation on its map, as SVG.
+
+    Parameters
+    ----------
+    result : mapping
+        As it is answered.
+    png : bytes
+        Picture of the map.
+    is_upright : bool, optional
+        True for the way that one walks it, upwards.
+    layers : sequence of {"e", "grid", "isolux", "points"}, optional
+        What is drawn; all by default.
+    """
     shown = layers or ("e", "grid", "isolux", "points")
     site, extent = result["stated"]["site"], result["map"]
     canvas = Canvas(extent["x_m"], extent["y_m"], is_upright=is_upright)
