@@ -124,13 +124,7 @@ def name_band(text: str) -> str:
 
 
 def label_band(name: str) -> str:
-    """Return the name of a band in words: red_edge is "red edge".
-
-    Parameters
-    ----------
-    name : str
-        Canonical name, as `name_band` returns it.
-    """
+    """Return the name of a band in words: red_edge is "red edge"."""
     return name.replace("_", " ")
 
 

@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from html import escape
 from typing import Annotated, Final, Literal
@@ -14,14 +14,13 @@ from sqlalchemy.orm import Session
 
 from radiometry.drawing import chart
 from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
-from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
+from radiometry.drawing.text import label_axis, write_quantity
 from radiometry.findings import interface
-from radiometry.fleet.determinations import Determination, Key
-from radiometry.frame.multispectral import label_band
+from radiometry.fleet import drawing
 from radiometry.methods import get_method
 from service.http import auth, lookup, models, operations, problems
 from service.pages.rendering import SignedInPage
-from store.queries import calibrations, fleet, group_by
+from store.queries import calibrations, fleet
 from store.queries.calibrations import Lifetime
 from store.tables import Calibration, Camera, CoefficientRow, Publication, utc_now
 
@@ -162,94 +161,6 @@ def _write(row: Publication) -> str:
     return f"{row.valid_from:%Y-%m-%d} to {f'{row.valid_to:%Y-%m-%d}' if row.valid_to else 'open'}"
 
 
-_DAY_S: Final = 86_400.0
-_ROOM: Final = 1.15
-
-
-def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
-    """Return a series of a coefficient for each ISO, f-number, band and channel; bars: one u."""
-    keys = [row.key for row in found]
-    # nothing is left out of the name of a single one
-    single = len(set(keys)) == 1
-    shared = frozenset() if single else frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
-    rows = group_by(found, lambda row: _where(row.key, without=shared).replace("channel ", ""))
-    times = [row.source.at.timestamp() for row in found]
-    # at least months, as nothing drifts in hours
-    middle, half = (
-        (max(times) + min(times)) / 2.0,
-        _ROOM * max((max(times) - min(times)) / 2.0, 45.0 * _DAY_S),
-    )
-    # error bars of one day would hide one another: together a small share of what is shown
-    step = min(0.012, 0.15 / len(rows)) * 2.0 * half
-    series = []
-    for place, (name, mine) in enumerate(rows.items()):
-        shift = (place - (len(rows) - 1) / 2) * step
-        marks = tuple(
-            _mark(
-                row,
-                1.0,
-                ", ".join(filter(None, [f"version {versions[row.source.version]}", _where(row.key)])),
-                x=row.source.at.timestamp() + shift,
-                y=row.value,
-            )
-            for row in mine
-        )
-        line = tuple((mark.x, mark.y) for mark in marks)
-        series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
-    return Figure(
-        x=Axis(label="determined, UTC", is_time=True, include=(middle - half, middle + half)),
-        y=Axis(label=label_axis(quantity, found[0].key.unit)),
-        series=tuple(series),
-    )
-
-
-def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> list[Figure]:
-    """Return a figure per coefficient: a line of each camera; bars: twice u, dashed: the mean of all."""
-    figures = []
-    for key, rows in group_by(found, lambda row: row.key).items():
-        cameras = sort_naturally({row.source.camera for row in rows})
-        versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
-        marks = tuple(
-            # beside each other within the line of their camera
-            _mark(row, 2.0, camera, x=row.value, y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera))
-            for camera, mine in versions.items()
-            for n, row in enumerate(mine)
-        )
-        name, where = label(key.name), _where(key)
-        ticks = tuple((-float(n), camera) for n, camera in enumerate(cameras))
-        figures.append(
-            Figure(
-                part=", ".join(part for part in (name, where) if part),
-                x=Axis(label=label_axis(name, key.unit)),
-                y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
-                series=(Series(marks=marks),),
-                uprights=(sum(mark.x for mark in marks) / len(marks),),
-                note="Bars: two standard uncertainties; dashed: mean of all versions",
-            )
-        )
-    return figures
-
-
-def _mark(row: Determination, bars: float, name: str, *, x: float, y: float) -> Mark:
-    """Return the mark of a value with bars of so many standard uncertainties."""
-    bar = bars * row.standard_uncertainty
-    said = write_quantity(row.value, row.standard_uncertainty, row.key.unit)
-    told = (said, row.source.at.strftime("%Y-%m-%d"))
-    return Mark(x=x, y=y, low=row.value - bar, high=row.value + bar, name=name, told=told)
-
-
-def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
-    """Return what a series holds for, but for what goes without saying."""
-    return ", ".join(part for part in _parts(key) if part not in without)
-
-
-def _parts(key: Key) -> list[str]:
-    key = replace(key, band=key.band and label_band(key.band))
-    said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
-    # of sharpness the model ends with the place in the frame
-    return [part for part in (*said, key.model.partition(":")[2]) if part]
-
-
 router = operations.Router(include_in_schema=False)
 
 
@@ -276,7 +187,7 @@ def plot_fleet(
     found = fleet.list_determinations(session, cameras, method, {})
     if not found:
         return Response(status_code=204)
-    figures = build_fleet(found, get_method(method).label_coefficient)
+    figures = drawing.build_fleet(found, get_method(method).label_coefficient)
     drawn = figures[min(view.part, len(figures) - 1)]
     return send_svg(
         draw_figure(drawn, "Coefficients of each camera", view=view, parts=[f.part for f in figures])
@@ -299,7 +210,7 @@ def plot_drift(
     if not (named := [row for row in found if row.key.name == name]):
         raise problems.Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
     quantity = get_method(method).label_coefficient(name)
-    figure = build_drift(named, versions, quantity=quantity)
+    figure = drawing.build_drift(named, versions, quantity=quantity)
     return send_svg(draw_figure(figure, quantity, view=view, is_wide=True))
 
 

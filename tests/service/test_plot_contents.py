@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from radiometry.fleet.determinations import Determination, Key, Source
+from radiometry.fleet.drawing import build_drift, build_fleet
 from radiometry.methods import get_method
-from service.pages.cameras import build_drift, build_fleet, build_lives, build_values
+from service.pages.cameras import build_lives, build_values
 
 
 def figures(method, name, result, rows=()):
