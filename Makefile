@@ -64,7 +64,7 @@ chromium:
 	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends $$needed" >/dev/null 2>&1 || true
 
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
-	@python -m store.audit_check $(HEAD)
+	@python -m verify.audit $(HEAD)
 
 # tools of its own, which nothing else needs
 audit-dependencies: $(VENV)/uv  ## known vulnerabilities of all locked versions, by the databases of PyPI and npm; needs npm
@@ -80,7 +80,7 @@ verify: $(VENV)/run  ## recompute a certificate or measurement: CERT=<file or ad
 	$(call need,CERT)@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
 
 verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]
-	$(call need,FROM)@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
+	$(call need,FROM)@python -m verify.backup "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
 # That the tests can be collected is seen beside mypy, which takes longer and one processor: it compiles every module
 # once, as each process of `make test` would otherwise do for itself.

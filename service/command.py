@@ -45,13 +45,13 @@ COMMANDS: Final = {
         {"address": {"nargs": "?", "help": "has to answer too"}},
     ),
     "audit": Command(
-        "store.audit_check",
+        "verify.audit",
         "check the audit trail [seq:hash of a head noted before]",
         "stilb-server audit",
         {"head": {"nargs": "?", "help": "a head noted before, seq:hash"}},
     ),
     "verify-backup": Command(
-        "store.backup_check",
+        "verify.backup",
         "check a backup: <folder> [--database URL] [--blobs URL]",
         "stilb-server verify-backup /backup/2026-05-01",
         {

@@ -17,7 +17,12 @@ import scipy
 from rich.console import Console
 from rich.table import Table
 
-import stilb
+try:
+    import stilb
+except ModuleNotFoundError:
+    raise SystemExit(
+        "stilb-verify: reads exports with the client: install the wheel of `stilb` too"
+    ) from None
 from radiometry.findings import shared
 from radiometry.methods import get_method
 from verify import checks, compare, data, measurement, recompute

@@ -19,7 +19,7 @@ RUN = {
     "docs/http.md": "tests/flow/test_printed.py",
     "docs/install.md": "tests/support/wheels.py tests/docs/test_install.py",
     "docs/measuring.md": "tests/flow/test_printed.py",
-    "docs/operations.md": "tests/store/test_backup_check.py tests/worker/test_celery.py",
+    "docs/operations.md": "tests/verify/test_backup.py tests/worker/test_celery.py",
     "docs/reflectance.md": "tests/demo/test_demos.py",
     "docs/tools.md": "tests/flow/test_printed.py",
     # targets of make, which tests/docs/test_docs.py compares with the Makefile

@@ -14,13 +14,13 @@ from sqlalchemy.exc import DBAPIError
 from service.documents.issuing import Backlog
 from service.documents.pages import lay_out
 from service.documents.rendering import render
-from store.audit_check import check_rows
 from store.blobs import StorageFull
 from store.tables import FrameRow, IssuedCertificate, Publication
 from tests.support.blobs import put, zero
 from tests.support.campaigns import calibrate, calibrated_campaign
 from tests.support.certificates import complete_version
 from tests.support.house import KEY, PUBLICATION
+from verify.audit import check_rows
 
 pytestmark = pytest.mark.either_database
 

@@ -8,10 +8,11 @@ from sqlalchemy import select, text
 
 from store import audit_check
 from store.audit import digest
-from store.audit_check import Head, check_audit, main
+from store.audit_check import Head, check_audit
 from store.database import OTHER_SCHEMA_EXIT
 from store.migrate import alembic_config, migrate
 from store.tables import AuditChain, AuditEntry, Organisation
+from verify.audit import main
 
 ENTRIES, CHAINS = AuditEntry.__table__, AuditChain.__table__
 

@@ -15,7 +15,6 @@ from sqlalchemy import CheckConstraint, func, inspect, select, text
 from sqlalchemy.exc import IntegrityError
 
 from service.__main__ import found
-from store.audit_check import main as check_audit
 from store.database import Database, SchemaDiffers
 from store.migrate import alembic_config, find_difference, main, migrate
 from store.publications import publish
@@ -23,6 +22,7 @@ from store.software import own_schema
 from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
 from tests.support.compose import ROOT
 from tests.support.versions import add_versions
+from verify.audit import main as check_audit
 
 
 def downgrade(database, revision):

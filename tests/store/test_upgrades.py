@@ -14,12 +14,12 @@ from packaging.version import Version
 from sqlalchemy import Boolean, LargeBinary, MetaData, text
 
 from service.documents.issuing import Backlog
-from store.audit_check import check_rows
-from store.audit_check import main as check_audit
 from store.blobs import blobs_from_url
 from store.codec import drop_absent
 from store.migrate import migrate
 from tests.support.house import House
+from verify.audit import check_rows
+from verify.audit import main as check_audit
 
 RELEASES = Path(__file__).parent / "releases"
 # the oldest goes the whole way on both; the migrations of later ones are among its own

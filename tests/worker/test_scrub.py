@@ -5,10 +5,10 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import select
 
-from store.audit_check import main as check_audit
 from store.files import Files, count_damaged, find_proof_age_s
 from store.tables import Blob, FrameRow, Job, utc_now
 from tests.support.blobs import spoil, zero
+from verify.audit import main as check_audit
 from worker.background import Scrub
 
 pytestmark = pytest.mark.either_database

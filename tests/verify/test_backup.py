@@ -6,11 +6,11 @@ from contextlib import closing
 
 import pytest
 
-from store.backup_check import main
 from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put, spoil, zero
 from tests.support.campaigns import published_campaign
 from tests.support.printed import link_checkout, read_blocks, type_in
+from verify.backup import main
 
 
 def address_of(house):

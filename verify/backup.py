@@ -1,4 +1,4 @@
-"""Can a backup be restored? ``python -m store.backup_check FOLDER`` proves its database and its files.
+"""Can a backup be restored? ``python -m verify.backup FOLDER`` proves its database and its files.
 
 The backup is only read: its database is copied to a temporary folder and brought to this code's schema there,
 as a restore would. Every stored file is read as a whole and must hash to its name.
@@ -18,16 +18,20 @@ from sqlalchemy import or_, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from radiometry.records import Record
-from store import audit_check, migrate
+from store import migrate
+from store.audit_check import check_audit
 from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
 from store.database import Database, SchemaDiffers, require_own_schema
 from store.tables import Blob, IssuedCertificate
+from verify.audit import check_rows
 
 _DATABASE: Final = "stilb.sqlite"
 _MOST_LINES: Final = 50
 
 
 class Proven(Record):
+    """Files that were read whole, and what is wrong."""
+
     files: int = 0
     size_bytes: int = 0
     faults: tuple[str, ...] = ()
@@ -50,11 +54,11 @@ def check_backup(folder: Path, *, database_url: str = "", blobs_url: str = "") -
                 migrate.migrate(database)
             with database.reading() as session:
                 require_own_schema(session)
-            _, fault = audit_check.check_audit(database)
+            _, fault = check_audit(database)
             if fault is not None:
                 rows = [f"the audit trail is broken at entry {fault.seq}: {fault.what}"]
             else:
-                rows = audit_check.check_rows(database).faults
+                rows = check_rows(database).faults
         except (_Unusable, SchemaDiffers) as found:
             return Proven(faults=(f"the database: {found}",))
         except (SQLAlchemyError, sqlite3.Error) as error:
@@ -116,6 +120,7 @@ def _list_files(database: Database) -> Iterator[tuple[str, int]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Check, print what was proven, give the exit code."""
     parser = argparse.ArgumentParser(prog="stilb-server verify-backup", description=__doc__)
     parser.add_argument("folder", type=Path, help="with stilb.sqlite and blobs/, see docs/operations.md")
     parser.add_argument("--database", default="", help="of a restored PostgreSQL, in place of stilb.sqlite")

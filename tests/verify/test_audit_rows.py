@@ -3,10 +3,10 @@
 import pytest
 from sqlalchemy import text
 
-from store.audit_check import check_rows, main
 from store.tables import AuditEntry, Camera, Campaign, ChecklistTick, Organisation, utc_now
 from tests.support.campaigns import published_campaign
 from tests.support.everything import make_one_of_each
+from verify.audit import check_rows, main
 
 pytestmark = pytest.mark.either_database
 
