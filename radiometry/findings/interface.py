@@ -117,8 +117,8 @@ UPLOAD_INCOMPLETE = _refusal(
 )
 DIGEST_MISMATCH = _refusal(
     422,
-    "The bytes that arrived are not those that `Content-Digest`, `Repr-Digest` or `X-Content-SHA256` "
-    "announced. Nothing was kept.",
+    "The bytes that arrived are not those that `Repr-Digest` or `X-Content-SHA256` announced. Nothing was "
+    "kept.",
     "Send it again; if it persists, check the disk and memory of the sender.",
     retryable=True,
 )

@@ -75,7 +75,6 @@ def build_app(context: Context) -> FastAPI:
         openapi_url=None,
     )
     app.add_middleware(middleware.BodyLimit)
-    app.add_middleware(middleware.ContentDigests)
     app.add_middleware(middleware.Compression)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(middleware.Heads)

@@ -1,13 +1,11 @@
-"""Middleware: limits of bodies, digests, compression, HEAD, overridden methods, headers, host names."""
+"""Middleware: limits of bodies, compression, HEAD, overridden methods, headers, host names."""
 
 import abc
 import asyncio
-import base64
-import hashlib
 import re
 import time
 from collections import Counter
-from typing import Any, Final
+from typing import Final
 from urllib.parse import urlsplit
 
 from fastapi import FastAPI
@@ -222,68 +220,6 @@ class Compression(_Layer):
 
         app = self._signed_in if "cookie" in Headers(scope=scope) else self._packing
         await app(scope, receive, marked)
-
-
-_ALGORITHMS: Final = {"sha-256": "sha256", "sha-512": "sha512"}
-_MEMBER: Final = re.compile(r"(?:^|,)\s*(sha-256|sha-512)\s*=([^,]*)", re.IGNORECASE)
-
-
-class ContentDigests(_Layer):
-    """Refuses a body that is not the announced one; an upload compares its file's `Repr-Digest` itself."""
-
-    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope)
-        names = ("content-digest",) if is_upload(scope) else ("content-digest", "repr-digest")
-        announced = {name: ", ".join(headers.getlist(name)) for name in names if name in headers}
-        await self._app(scope, _Compared(receive, announced) if announced else receive, send)
-
-
-class _Compared:
-    """The body as it comes, hashed on the way."""
-
-    def __init__(self, receive: Receive, announced: dict[str, str]) -> None:
-        self._receive = receive
-        self._announced = announced
-        self._running: list[tuple[str, bytes, Any]] | None = None
-
-    async def __call__(self) -> Message:
-        if self._running is None:
-            self._running = [
-                (name, digest, hashlib.new(algorithm))
-                for name, text in self._announced.items()
-                for algorithm, digest in _read_digests(name, text)
-            ]
-        message = await self._receive()
-        if message["type"] != "http.request":
-            return message
-        for _, _, running in self._running:
-            running.update(message.get("body", b""))
-        if not message.get("more_body"):
-            self._compare()
-        return message
-
-    def _compare(self) -> None:
-        for name, digest, running in self._running or ():
-            if running.digest() != digest:
-                found = base64.b64encode(running.digest()).decode()
-                detail = f"The body is not the one of {name.title()}: it arrived as {running.name} {found}."
-                raise problems.Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again.")
-
-
-def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
-    """Read the digests of the algorithms that we know; others are for others to compare."""
-    found = []
-    for match in _MEMBER.finditer(text):
-        algorithm, value = _ALGORITHMS[match[1].lower()], match[2].strip()
-        try:
-            digest = base64.b64decode(value[1:-1], validate=True)
-        except ValueError:
-            digest = b""
-        if (value[:1], value[-1:]) != (":", ":") or len(digest) != hashlib.new(algorithm).digest_size:
-            detail = f"{name.title()} cannot be read: it takes {match[1].lower()}=:base64 of the digest:"
-            raise problems.Problem(interface.BAD_REQUEST, detail)
-        found.append((algorithm, digest))
-    return found
 
 
 class Heads(_Layer):

@@ -161,10 +161,9 @@ async def append(request: Request, partial: Partial, begins: int, checksum: str 
     if begins + (int(announced) if announced.isdecimal() else 0) > facts.size_bytes:
         raise _beyond(facts)
     expected = read_checksum(checksum)
-    whole_or_not = expected is not None or "content-digest" in request.headers
     try:
         with await run_in_threadpool(partial.claim, begins) as claim:
-            await _Piece(request, claim, facts, piecewise=not whole_or_not).take(expected)
+            await _Piece(request, claim, facts, piecewise=expected is None).take(expected)
     except OtherOffset as error:
         raise problems.Problem(
             interface.UPLOAD_OFFSET_DIFFERS,

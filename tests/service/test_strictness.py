@@ -1,8 +1,5 @@
 """What is written loosely is refused: numbers in text, addresses with the wrong verb."""
 
-import base64
-import hashlib
-import json
 import re
 
 import pytest
@@ -89,49 +86,3 @@ def test_no_change_is_made_on_a_condition_that_cannot_be_checked(house, conditio
     assert house.http.patch(path, json={"note": "n"}, headers={"If-Match": "*"}).status_code == 200
     assert house.http.patch(path, json={"note": "m"}, headers=condition).status_code == 412
     assert house.get(path)["note"] == "n"
-
-
-def digest_of(content: bytes, algorithm="sha256") -> str:
-    return f":{base64.b64encode(hashlib.new(algorithm, content).digest()).decode()}:"
-
-
-@pytest.mark.parametrize("header", ["Content-Digest", "Repr-Digest"])
-def test_a_body_with_another_digest_is_refused(house, header):
-    body = json.dumps(CAMERA | {"serial": header}).encode()
-    for algorithm, named in (("sha256", "sha-256"), ("sha512", "sha-512")):
-        wrong = {header: f"{named}={digest_of(b'another', algorithm)}", "Content-Type": "application/json"}
-        answer = house.http.post("/v1/cameras", content=body, headers=wrong)
-        assert (answer.status_code, answer.json()["code"]) == (422, "digest_mismatch"), answer.text
-        assert answer.json()["retryable"] is True
-        right = wrong | {header: f"{named}={digest_of(body, algorithm)}"}
-        assert house.http.post("/v1/cameras", content=body, headers=right).status_code in {200, 201}
-
-
-@pytest.mark.parametrize("text", ["sha-256=:AAAA:", "sha-256=AAAA", b"sha-512=:\xe9:"])
-def test_a_digest_that_cannot_be_read_is_refused(house, text):
-    headers = {"Content-Digest": text}
-    answer = house.http.post("/v1/cameras", json=CAMERA, headers=headers)
-    assert (answer.status_code, answer.json()["code"]) == (400, "bad_request")
-    assert "base64 of the digest" in answer.json()["detail"]
-    known_by_others = {"Content-Digest": "md5=:AAAA:"}
-    assert house.http.post("/v1/cameras", json=CAMERA, headers=known_by_others).status_code in {200, 201}
-
-
-def test_the_digest_of_an_upload_is_that_of_its_body_and_nothing_is_kept_of_another(house):
-    path = f"/v1/campaigns/{house.campaign()['id']}/frames?role=dark"
-    content = b"no frame at all" * 5000
-    wrong = house.http.post(path, content=content, headers={"Content-Digest": f"sha-256={digest_of(b'x')}"})
-    assert (wrong.status_code, wrong.json()["code"]) == (422, "digest_mismatch")
-    assert list((house.folder / "blobs").rglob(hashlib.sha256(content).hexdigest())) == []
-    right = {"Content-Digest": f"sha-256={digest_of(content)}"}
-    assert house.http.post(path, content=content, headers=right).status_code == 201
-    form = (
-        b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
-        + content
-        + b"\r\n--b--\r\n"
-    )
-    kind = {"Content-Type": "multipart/form-data; boundary=b"}
-    of_file = {"Content-Digest": f"sha-256={digest_of(content)}"}
-    assert house.http.post(path, content=form, headers=kind | of_file).status_code == 422
-    of_form = {"Content-Digest": f"sha-256={digest_of(form)}", "Repr-Digest": of_file["Content-Digest"]}
-    assert house.http.post(path, content=form, headers=kind | of_form).status_code == 200

@@ -91,7 +91,7 @@ def make_heads(size: int) -> dict[str, Body]:
     headers = {
         "Accept": "a/b;q=0." + "0" * size,
         "Accept-Encoding": "gzip" + " " * size + ";q=0.0",
-        "Content-Digest": "sha-256" + " " * size,
+        "Repr-Digest": "sha-256" + " " * size,
         "Content-Encoding": "," * size,
         "Content-Type": "multipart/form-data; " + 'a="' * (size // 3),
         "Cookie": "a=b; " * (size // 5),
