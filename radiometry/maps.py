@@ -7,10 +7,11 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.fitting.comparison import SUBTRACTED
 from radiometry.frame.grid import find_homography, map_plane
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
-from radiometry.records import Record
+from radiometry.records import Record, about
 
 Array = NDArray[np.float64]
 Line = NDArray[np.float64]
@@ -85,26 +86,52 @@ def find_likeness(cfa: str, channel: str) -> float:
     return {"green": 2.0, GREY: (16.0 / 6.0) ** 2}.get(channel, 1.0)
 
 
-def read_uncertainty(values: Any, *, reference: float, likeness: float) -> PixelUncertainty | None:  # noqa: ANN401
-    """Return the uncertainty from the three figures of a map's answer.
+class ValueUncertainty(Record):
+    """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
+
+    u_rel: float = about("Of K, meter, time, f-number: the same share in every pixel.")
+    u_constant: float = about("Of the dark signal and of stray light: the same in every pixel.")
+    u_pixel: float = about(
+        "A single pixel's own, as it was found in the measured region; a mean over a square "
+        "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
+        "pixels share raw values."
+    )
+    coverage_factor: float | None = about(
+        "k for a coverage probability of 95 %, as of the region's mean; else 2."
+    )
+    effective_dof: float | None = about("Absent if they are without limit.")
+
+
+def read_uncertainty(result: Mapping[str, Any]) -> ValueUncertainty | None:
+    """Split a stored budget: all that is shared scales with the value, but for what is subtracted.
 
     Parameters
     ----------
-    values : object or None
-        Has `u_rel`, `u_constant` and `u_pixel`; None of a map without a rule.
-    reference : float
-        Mean of the measured region.
-    likeness : float
-        As `find_likeness` returns it.
+    result : mapping
+        A stored measurement.
+
+    Returns
+    -------
+    ValueUncertainty or None
+        None of a result without a budget of its pixels, such as an index.
     """
-    if values is None:
+    if "smallest" not in result or "budget" not in result or not result["mean"]["value"]:
         return None
-    return PixelUncertainty(
-        relative=values.u_rel,
-        constant=values.u_constant,
-        pixel=values.u_pixel,
-        reference=reference,
-        likeness=likeness,
+    mean, smallest = result["mean"]["value"], result["smallest"]
+    shared = {
+        share["source"]: share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
+        for share in result["budget"]
+        if share["shared"]
+    }
+    constant = math.hypot(*(shared.pop(source, 0.0) for source in SUBTRACTED))
+    relative = math.hypot(*shared.values()) / abs(mean)
+    known = math.hypot(relative * smallest["value"], constant)
+    return ValueUncertainty(
+        u_rel=relative,
+        u_constant=constant,
+        u_pixel=math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2)),
+        coverage_factor=result.get("coverage_factor"),
+        effective_dof=result.get("effective_dof"),
     )
 
 

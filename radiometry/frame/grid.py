@@ -1,5 +1,6 @@
 """Grids of cells over a frame, and homographies of planes."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Final
 
@@ -30,6 +31,26 @@ class Grid(Record):
     #: it is the surface
     marked_share: float | None = later()
 
+    def find_middles(self) -> Matrix:
+        """Return the image (x, y) of each cell's middle, (rows, columns, 2)."""
+        return self._project(np.arange(0.5, self.rows), np.arange(0.5, self.columns))
+
+    def outline_cells(self, sides: tuple[float, float] | None = None) -> list[list[list[float]]]:
+        """Return each cell's closed outline, row by row: in the image, or with its sides on the surface."""
+        down, along = np.arange(self.rows + 1.0), np.arange(self.columns + 1.0)
+        if sides is None:
+            lattice = self._project(down, along)
+        else:
+            lattice = np.stack(np.meshgrid(along * sides[0], down * sides[1]), axis=-1)
+        ring = [(0, 0), (0, 1), (1, 1), (1, 0), (0, 0)]
+        cells = itertools.product(range(self.rows), range(self.columns))
+        return [[lattice[row + r, col + c].tolist() for r, c in ring] for row, col in cells]
+
+    def _project(self, down: Matrix, along: Matrix) -> Matrix:
+        """Return the images (x, y) of lattice lines, counted in cells."""
+        lattice = np.stack(np.meshgrid(along / self.columns, down / self.rows), axis=-1)
+        return map_plane(find_homography(self.corners), lattice)
+
     def move_corners(self) -> list[Matrix]:
         """Return the corners with each of the eight marked coordinates moved by its standard uncertainty."""
         marked = np.array(self.corners, np.float64)
@@ -44,13 +65,7 @@ _UNIT_SQUARE: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 def find_homography(corners: Sequence[tuple[float, float]] | Matrix) -> Matrix:
-    """Solve for the homography with h[2, 2] = 1 from the unit square to the corners in the same order.
-
-    Parameters
-    ----------
-    corners : sequence of tuple[float, float]
-        Images of (0, 0), (1, 0), (1, 1) and (0, 1).
-    """
+    """Solve for the homography with h[2, 2] = 1 from the unit square to the corners in the same order."""
     rows, right = [], []
     for (u, v), (x, y) in zip(_UNIT_SQUARE, corners, strict=True):
         rows += [[u, v, 1, 0, 0, 0, -x * u, -x * v], [0, 0, 0, u, v, 1, -y * u, -y * v]]
@@ -60,15 +75,7 @@ def find_homography(corners: Sequence[tuple[float, float]] | Matrix) -> Matrix:
 
 
 def map_plane(h: Matrix, places: Matrix) -> Matrix:
-    """Map places (..., 2) of a plane by a homography.
-
-    Parameters
-    ----------
-    h : ndarray of float64
-        Homography, (3, 3).
-    places : ndarray of float64
-        (x, y) of each place.
-    """
+    """Map places (..., 2) of a plane by a homography."""
     x, y = places[..., 0], places[..., 1]
     projected = np.stack([x, y, np.ones_like(x)], axis=-1) @ h.T
     mapped: Matrix = projected[..., :2] / projected[..., 2:]

@@ -13,8 +13,9 @@ import numpy as np
 from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse
 
+from radiometry import maps as science
 from radiometry.findings import interface
-from radiometry.frame.grid import find_homography, map_plane
+from radiometry.frame.grid import Grid
 from service.coefficients import series
 from service.http import answers, connections, models, operations, tables
 from service.http.auth import Reader
@@ -23,6 +24,7 @@ from service.http.lookup import Own
 from service.http.problems import Problem, wrong
 from service.measurements import maps, routes
 from store.blobs import prove_file
+from store.codec import decode
 from store.queries.frame_times import Zones, read_frame_time
 from store.ready.rows import COLUMNS, read_row, write_instant
 from store.ready.series import Asked, MeasurementSeries
@@ -34,7 +36,7 @@ Coordinates = Literal["pixel", "road_m"]
 def list_cells(row: Measurement) -> Iterator[dict[str, Any]]:
     """Yield each cell, row by row: its place, its luminance, and its centre in the frame and on the road."""
     points = (row.parameters.get("lanes") or {}).get("points_m")
-    middles = _project(row, np.arange(0.5, _rows(row)), np.arange(0.5, _columns(row)))
+    middles = decode(Grid, row.parameters["grid"]).find_middles()
     for line, cells in enumerate(row.result["surface"]["cells"]):
         for place, cell in enumerate(cells):
             x_px, y_px = middles[line, place].tolist()
@@ -50,32 +52,12 @@ def list_cells(row: Measurement) -> Iterator[dict[str, Any]]:
             }
 
 
-def list_outlines(row: Measurement, coordinates: Coordinates) -> Iterator[list[list[float]]]:
-    across, along = np.arange(_rows(row) + 1.0), np.arange(_columns(row) + 1.0)
+def list_outlines(row: Measurement, coordinates: Coordinates) -> list[list[list[float]]]:
+    grid: Grid = decode(Grid, row.parameters["grid"])
     if coordinates == "road_m":
         lanes = row.parameters["lanes"]
-        y, x = np.meshgrid(across * lanes["across_m"], along * lanes["along_m"], indexing="ij")
-        lattice = np.stack([x, y], axis=-1)
-    else:
-        lattice = _project(row, across, along)
-    for line in range(_rows(row)):
-        for place in range(_columns(row)):
-            ring = [(line, place), (line, place + 1), (line + 1, place + 1), (line + 1, place), (line, place)]
-            yield [lattice[corner].tolist() for corner in ring]
-
-
-def _rows(row: Measurement) -> int:
-    return int(row.parameters["grid"]["rows"])
-
-
-def _columns(row: Measurement) -> int:
-    return int(row.parameters["grid"]["columns"])
-
-
-def _project(row: Measurement, across: Any, along: Any) -> Any:  # noqa: ANN401  arrays
-    """Return the images (x, y) of lattice lines, counted in cells."""
-    lattice = np.stack(np.meshgrid(along / _columns(row), across / _rows(row)), axis=-1)
-    return map_plane(find_homography(row.parameters["grid"]["corners"]), lattice)
+        return grid.outline_cells((lanes["along_m"], lanes["across_m"]))
+    return grid.outline_cells()
 
 
 router = operations.Router(prefix="/v1", tags=["measurements"])
@@ -314,7 +296,7 @@ def get_measurement_map_values(
             unit=layout.unit if is_value else "1",
             # the shortest decimals that are the same float32: as doubles they would be twice as long
             values=[[None if np.isnan(value) else float(str(value)) for value in line] for line in values],
-            uncertainty=maps.uncertainty_of(found.row.result) if is_value else None,
+            uncertainty=science.read_uncertainty(found.row.result) if is_value else None,
             notes=found.list_notes(),
         )
     return answer.respond(headers)

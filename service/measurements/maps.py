@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +15,6 @@ from pydantic import Field, WithJsonSchema
 
 from radiometry import maps, methods, records
 from radiometry.findings import interface
-from radiometry.fitting.comparison import SUBTRACTED
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import PictureApplication, SurfaceApplication
@@ -147,20 +145,8 @@ class MapWindow(models.Form):
 _Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
 
 
-class ValueUncertainty(models.Answer):
+class ValueUncertainty(models.Answer, restates=maps.ValueUncertainty):
     """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
-
-    u_rel: float = models.told("Of K, meter, time, f-number: the same share in every pixel.")
-    u_constant: float = models.told("Of the dark signal and of stray light: the same in every pixel.")
-    u_pixel: float = models.told(
-        "A single pixel's own, as it was found in the measured region; a mean over a square "
-        "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
-        "pixels share raw values."
-    )
-    coverage_factor: float | None = models.maybe(
-        "k for a coverage probability of 95 %, as of the region's mean; else 2."
-    )
-    effective_dof: float | None = models.maybe("Absent if they are without limit.")
 
 
 class MapValuesAnswer(models.Answer):
@@ -199,31 +185,6 @@ class StacItem(models.Answer):
     properties: dict[str, Any]
     links: list[dict[str, str]]
     assets: dict[str, dict[str, Any]]
-
-
-def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
-    """Split a stored budget: all that is shared scales with the value, but for what is subtracted."""
-    if "smallest" not in result or "budget" not in result:
-        return None
-    mean, smallest = result["mean"]["value"], result["smallest"]
-    shared = {
-        share["source"]: share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
-        for share in result["budget"]
-        if share["shared"]
-    }
-    if not mean:
-        return None
-    constant = math.hypot(*(shared.pop(source, 0.0) for source in SUBTRACTED))
-    relative = math.hypot(*shared.values()) / abs(mean)
-    known = math.hypot(relative * smallest["value"], constant)
-    noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))
-    return ValueUncertainty(
-        u_rel=relative,
-        u_constant=constant,
-        u_pixel=noise,
-        coverage_factor=result.get("coverage_factor"),
-        effective_dof=result.get("effective_dof"),
-    )
 
 
 Area = Literal["region", "grid", "frame"]
@@ -303,6 +264,7 @@ def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
     with context.files.local(sha256) as file:
         blobs.prove_file(file)
         layout = read_layout(file.path)
+        known, mean = maps.read_uncertainty(row.result), row.result.get("mean", {})
         likeness = maps.find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
         yield OpenMap(
             row=row,
@@ -311,9 +273,13 @@ def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
             path=file.path,
             layout=layout,
             unit=layout.unit,
-            uncertainty=maps.read_uncertainty(
-                uncertainty_of(row.result),
-                reference=row.result.get("mean", {}).get("value", 0.0),
+            uncertainty=None
+            if known is None
+            else maps.PixelUncertainty(
+                relative=known.u_rel,
+                constant=known.u_constant,
+                pixel=known.u_pixel,
+                reference=mean["value"],
                 likeness=likeness,
             ),
         )

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from service.measurements.maps import Layout, Window, read_layout, read_values, uncertainty_of
+from radiometry.maps import read_uncertainty
+from service.measurements.maps import Layout, Window, read_layout, read_values
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import read_map
 from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
@@ -139,7 +140,7 @@ def test_the_layout_is_that_of_the_file(tmp_path, predictor):
 
 
 def test_an_index_has_no_such_uncertainty():
-    assert uncertainty_of({"index": "ndvi", "bands": []}) is None
+    assert read_uncertainty({"index": "ndvi", "bands": []}) is None
 
 
 def ask(house, measured, name, **query):
