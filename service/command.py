@@ -65,31 +65,24 @@ COMMANDS: Final = {
 
 def main() -> int:
     """Become the named process; its settings are in the environment."""
-    name = sys.argv[1] if len(sys.argv) > 1 else "--help"
-    if name == "--version":
-        print(f"stilb-server {read_version()}")  # noqa: T201
-        return 0
-    if name not in COMMANDS:
-        lines = [f"  {each:<15}{known.meaning}" for each, known in COMMANDS.items()]
-        asked = name in {"--help", "-h"}
-        fault = [] if asked else [f"stilb-server: there is no command {name}"]
-        usage = "\n".join([*fault, "usage: stilb-server <command>", "", *lines])
-        print(usage, file=sys.stdout if asked else sys.stderr)
-        return 0 if asked else 2
-    _check_arguments(name, COMMANDS[name])
+    parser = argparse.ArgumentParser("stilb-server", description="Processes and tools of the stilb server.")
+    parser.add_argument("--version", action="version", version=f"stilb-server {read_version()}")
+    commands = parser.add_subparsers(dest="name", metavar="<command>", required=True)
+    for name, command in COMMANDS.items():
+        own = commands.add_parser(
+            name,
+            help=command.meaning.replace("%", "%%"),
+            description=f"{command.meaning[:1].upper()}{command.meaning[1:]}.",
+            epilog=f"Example:\n  {command.example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        for argument, declared in command.takes.items():
+            own.add_argument(argument, **declared)
+    # ends with the help where it is asked for, or with what is wrong: before anything is done
+    given, unknown = parser.parse_known_args(sys.argv[1:] or ["--help"])
+    name: str = given.name
+    if unknown:
+        commands.choices[name].error(f"unrecognized arguments: {' '.join(unknown)}")
     # a folder `store` in the working directory is not ours; the parts that `up` starts inherit it
     os.environ["PYTHONSAFEPATH"] = "1"
     return os.execv(sys.executable, [sys.executable, "-m", COMMANDS[name].module, *sys.argv[2:]])  # noqa: S606
-
-
-def _check_arguments(name: str, command: Command) -> None:
-    """End with the help where it is asked for, or with what is wrong: before anything is done."""
-    parser = argparse.ArgumentParser(
-        prog=f"stilb-server {name}",
-        description=f"{command.meaning[:1].upper()}{command.meaning[1:]}.",
-        epilog=f"Example:\n  {command.example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    for argument, declared in command.takes.items():
-        parser.add_argument(argument, **declared)
-    parser.parse_args(sys.argv[2:])

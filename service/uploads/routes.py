@@ -104,8 +104,9 @@ async def begin_upload(
     request: Request,
     caller: Uploader,
     context: UsesContext,
-    headers: tus.UsesHeaders,
     idempotency_key: changes.IdempotencyKey = None,
+    *,
+    headers: tus.UsesHeaders,
 ) -> Response:
     """Begin an upload that can go on after a cut; bytes may come along.
 
@@ -120,7 +121,7 @@ async def begin_upload(
     address, partial = await run_in_threadpool(
         _begin, context, caller, frame, said, size_bytes, idempotency_key
     )
-    if headers.is_piece:
+    if tus.is_piece(request):
         await tus.append(request, partial, 0, headers.checksum)
     facts = await _finish_if_whole(context, partial)
     begun = await run_in_threadpool(answer, partial, facts, 201)
@@ -160,7 +161,7 @@ async def append_to_upload(
     """
     partial = await run_in_threadpool(_find, context, request, upload_id)
     tus.check_protocol(headers)
-    if not headers.is_piece:
+    if not tus.is_piece(request):
         raise problems.Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {tus.PIECE}.")
     begins = tus.read_count(headers.offset, "Upload-Offset")
     await tus.append(request, partial, begins, headers.checksum)

@@ -10,13 +10,12 @@ from datetime import UTC, datetime
 from email.utils import format_datetime
 from typing import Annotated, Final
 
-from fastapi import Depends, Header, Request, Response
-from pydantic import ValidationError
+from fastapi import Header, Request, Response
+from pydantic import BaseModel, ValidationError
 from pydantic.config import JsonDict
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
-from radiometry.records import Record
 from service.frames.schemas import Upload
 from service.http import models, problems
 from service.measurements.requests import read_region
@@ -30,50 +29,37 @@ _COUNT: Final = r"^[0-9]{1,18}$"
 _COUNTED: Final[JsonDict] = {"pattern": _COUNT}
 
 
-class UploadHeaders(Record):
+class UploadHeaders(BaseModel):
     """Statements of a request in headers; what is absent is None."""
 
-    tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
-    offset: Annotated[
-        str | None,
-        Header(
-            alias="Upload-Offset",
-            description="Where the piece begins [bytes], in digits; needed with a piece.",
-            json_schema_extra=_COUNTED,
-        ),
-    ] = None
-    length: Annotated[
-        str | None,
-        Header(
-            alias="Upload-Length",
-            description="Size of the whole file [bytes], in digits; needed where an upload begins.",
-            json_schema_extra=_COUNTED,
-        ),
-    ] = None
-    metadata: Annotated[
-        str | None,
-        Header(
-            alias="Upload-Metadata",
-            description="Pairs of a name and a value in Base64, with commas between: `campaign_id`, "
-            "`role`, `sha256` of the whole file (compared where stated), and what else a frame takes.",
-        ),
-    ] = None
-    checksum: Annotated[
-        str | None,
-        Header(
-            alias="Upload-Checksum",
-            description="`sha256` and the piece's digest in Base64: it is kept whole or not at all.",
-            json_schema_extra={"pattern": "^sha256 [A-Za-z0-9+/]{43}=$"},
-        ),
-    ] = None
-    media_type: Annotated[str, Header(alias="Content-Type", include_in_schema=False)] = ""
-
-    @property
-    def is_piece(self) -> bool:
-        return self.media_type.partition(";")[0].strip() == PIECE
+    tus_version: str | None = models.maybe("`1.0.0`, of tus.", alias="Tus-Resumable")
+    offset: str | None = models.maybe(
+        "Where the piece begins [bytes], in digits; needed with a piece.",
+        alias="Upload-Offset",
+        json_schema_extra=_COUNTED,
+    )
+    length: str | None = models.maybe(
+        "Size of the whole file [bytes], in digits; needed where an upload begins.",
+        alias="Upload-Length",
+        json_schema_extra=_COUNTED,
+    )
+    metadata: str | None = models.maybe(
+        "Pairs of a name and a value in Base64, with commas between: `campaign_id`, "
+        "`role`, `sha256` of the whole file (compared where stated), and what else a frame takes.",
+        alias="Upload-Metadata",
+    )
+    checksum: str | None = models.maybe(
+        "`sha256` and the piece's digest in Base64: it is kept whole or not at all.",
+        alias="Upload-Checksum",
+        json_schema_extra={"pattern": "^sha256 [A-Za-z0-9+/]{43}=$"},
+    )
 
 
-UsesHeaders = Annotated[UploadHeaders, Depends()]
+UsesHeaders = Annotated[UploadHeaders, Header()]
+
+
+def is_piece(request: Request) -> bool:
+    return request.headers.get("content-type", "").partition(";")[0].strip() == PIECE
 
 
 class FrameSaid(Upload):

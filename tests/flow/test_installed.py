@@ -64,7 +64,7 @@ def test_the_command_runs_the_installed_rooms_from_any_folder(installed, tmp_pat
 def test_an_unknown_command_lists_those_that_exist(installed):
     refused = run(installed, "stilb-server", "start")
     assert (refused.returncode, refused.stdout) == (2, "")
-    assert "  migrate " in refused.stderr
+    assert "'migrate'" in refused.stderr
 
 
 def test_an_installed_server_has_what_lies_beside_its_code(embedded):
