@@ -34,7 +34,6 @@ from stilb.records import (
     Rig,
     Road,
     RoadResult,
-    Session,
 )
 from stilb.resources.organisation import Health
 from stilb.upload import Progress, Upload
@@ -42,5 +41,5 @@ from stilb.upload import Progress, Upload
 __all__ = ["AuditChain", "AuditEntry", "Calibration", "Camera", "Campaign", "Client", "Coefficient"]
 __all__ += ["Comparison", "ExportProgress", "Frame", "Grid", "Health", "Job", "JobFailed", "Key"]
 __all__ += ["KnownFrame", "Measurement", "Meter", "OwnKey", "Panel", "PanelBand", "Polygon", "Problem"]
-__all__ += ["Progress", "Quantity", "Reading", "Reason", "Rig", "Road", "RoadResult", "Session", "Unclear"]
+__all__ += ["Progress", "Quantity", "Reading", "Reason", "Rig", "Road", "RoadResult", "Unclear"]
 __all__ += ["Upload"]

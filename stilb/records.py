@@ -94,16 +94,6 @@ class KnownFrame(Record):
     job_id: str = ""  # the newest that reads it
 
 
-class Finding(Record):
-    """An entry of the registry: what a flag, a reason or a refusal means, and what to do about it."""
-
-    code: str
-    severity: str
-    where: tuple[str, ...]
-    sentence: str
-    remedy: str
-
-
 class Key(Record):
     """A key of the organisation; ``secret`` only in the answer that made it."""
 
@@ -132,19 +122,6 @@ class Key(Record):
         if self.expires_at is None:
             return "in force"
         return f"{'expired' if self.ended else 'expires'} {self.expires_at:%Y-%m-%d}"
-
-
-class Session(Record):
-    """A browser that is signed in with a key."""
-
-    id: str
-    key_id: str
-    key_name: str
-    person: str | None = None  # of the key
-    browser: str | None = None  # as it names itself
-    created_at: datetime
-    expires_at: datetime
-    last_used_at: datetime | None = None
 
 
 class AuditEntry(Record):

@@ -135,13 +135,8 @@ class Jobs(transport.Connection):
             if data["state"] not in {"queued", "running"}:
                 return
 
-    def job_causes(self) -> list[tuple[int, Job]]:
-        """Return for each cause of failures that were not dismissed how many jobs have it, and the newest."""
-        items = self._get(transport.address("jobs", "causes"))["items"]
-        return [(each["count"], Job.of(each["newest"])) for each in items]
-
     def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: str | None) -> int:
-        """The same, but dismiss them; or list them again."""
+        """Dismiss such jobs, or list them again; how many."""
         body = transport.without_none({"state": state, "dismissed": dismissed, **chosen})
         return int(self._post(transport.address("jobs", "dismiss"), body)["dismissed"])
 

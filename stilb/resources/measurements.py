@@ -119,14 +119,10 @@ class Measurements(Jobs):
         """Save the two-page report of a luminance measurement as PDF."""
         return self._save(path, transport.address("measurements", measurement_id, "report.pdf"))
 
-    def stac_item(self, measurement_id: str) -> dict[str, Any]:
-        """Return a measurement's map as a STAC item."""
-        return self._get(transport.address("measurements", measurement_id, "stac.json"))
-
     def save_stac(self, measurement_id: str, map_path: transport.PathLike) -> Path:
         """Save the STAC item of a map beside its file, which the item then names."""
         path = Path(map_path)
-        item = self.stac_item(measurement_id)
+        item = self._get(transport.address("measurements", measurement_id, "stac.json"))
         item["assets"]["map"]["href"] = f"./{path.name}"
         target = path.with_suffix(".json")
         transport.write_whole(target, json.dumps(item, indent=1, ensure_ascii=False) + "\n")

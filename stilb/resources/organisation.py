@@ -1,4 +1,4 @@
-"""Keys, sessions and audit trail of the own organisation, for its administrators."""
+"""Keys and audit trail of the own organisation, for its administrators."""
 
 import re
 import time
@@ -83,7 +83,7 @@ def _whole(value: float | None) -> int | None:
 
 
 class Organisation(Connection):
-    """Keys, the browser sessions opened with them, and the audit trail."""
+    """The organisation, its keys and its audit trail."""
 
     def organisation(self) -> dict[str, Any]:
         """Return name, address and time zone of the organisation, and what it uses."""
@@ -113,14 +113,6 @@ class Organisation(Connection):
     def revoke_key(self, key: records.Key | str) -> records.Key:
         """Revoke a key, by its id or its name, and end its sessions."""
         return records.Key.of(self._delete(address("keys", self._id_of(key))))
-
-    def sessions(self) -> Iterator[records.Session]:
-        """Return the browsers that are signed in: with this key, or for an administrator with any."""
-        return map(records.Session.of, self._items(address("sessions")))
-
-    def end_sessions(self) -> int:
-        """End all those sessions; returns how many."""
-        return int(self._delete(address("sessions"))["ended"])
 
     def audit(self, **chosen: str) -> Iterator[records.AuditEntry]:
         """Return entries, newest first, chosen by ``actor``, ``action``, ``subject_id``, ``from``, ``to``."""
@@ -158,11 +150,6 @@ class System(Connection):
     def own_key(self) -> records.OwnKey:
         """The key that this client asks with: its organisation and its scopes."""
         return records.OwnKey.of(self._get(address("keys", "own")))
-
-    def findings(self) -> dict[str, records.Finding]:
-        """Return the registry of findings by code."""
-        items = self._get(address("findings"))["items"]
-        return {item["code"]: records.Finding.of(item) for item in items}
 
     def health(self) -> Health:
         """How the service fares, as far as it tells."""

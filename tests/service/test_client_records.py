@@ -28,7 +28,6 @@ ANSWERS = {
     records.Panel: "PanelAnswer",
     records.Reason: "ReasonAnswer",
     records.Rig: "RigAnswer",
-    records.Session: "SessionAnswer",
 }
 FORMS = {
     records.CampaignChange: "CampaignChange",
