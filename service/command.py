@@ -68,9 +68,9 @@ def main() -> int:
     parser = argparse.ArgumentParser("stilb-server", description="Processes and tools of the stilb server.")
     parser.add_argument("--version", action="version", version=f"stilb-server {read_version()}")
     commands = parser.add_subparsers(dest="name", metavar="<command>", required=True)
-    for name, command in COMMANDS.items():
+    for each, command in COMMANDS.items():
         own = commands.add_parser(
-            name,
+            each,
             help=command.meaning.replace("%", "%%"),
             description=f"{command.meaning[:1].upper()}{command.meaning[1:]}.",
             epilog=f"Example:\n  {command.example}",

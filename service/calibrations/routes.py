@@ -145,8 +145,8 @@ async def get_plot_svg(
     def draw() -> bytes:
         with context.database.reading() as session:
             result = session.scalars(select(Calibration.result).where(Calibration.id == calibration_id)).one()
-        order = rendered.order_plot(method, result | {"flight": flight})
-        return rendered.render_and_keep(context, source, rendered.write_order(order))
+        order = rendered.write_order("plot", method=method, result=result | {"flight": flight})
+        return rendered.render_and_keep(context, source, order)
 
     method, source, flight, kept = await run_in_threadpool(find)
     svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
@@ -157,9 +157,7 @@ async def get_plot_svg(
 
 
 @router.post(
-    "/calibrations/{calibration_id}/publish",
-    response_model=CalibrationAnswer,
-    responses=problems(409),
+    "/calibrations/{calibration_id}/publish", response_model=CalibrationAnswer, responses=problems(409)
 )
 async def publish_calibration(
     calibration_id: Id, body: schemas.NewPublication, caller: Publisher, context: UsesContext, writing: Writes
@@ -230,10 +228,8 @@ def _read_params(
 def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
     def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
-        status, coefficients = (
-            calibrations.read_version_statuses(session, ids),
-            calibrations.coefficients_of(session, ids),
-        )
+        status = calibrations.read_version_statuses(session, ids)
+        coefficients = calibrations.coefficients_of(session, ids)
         return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
 
     return paging.send(session, rows, shape, newest_first=True)

@@ -1,6 +1,5 @@
 """Meter readings: one, many, or a spreadsheet's CSV."""
 
-from functools import partial
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
@@ -30,8 +29,7 @@ MeterIds = Annotated[
     Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
 ]
 
-_READ = partial(tables.read_sheet, form=NewReading, kind=_KIND)
-_BODY = tables.OneOrMany(NewReading, MOST_READINGS, _READ)
+_BODY = tables.OneOrMany(NewReading, _KIND)
 
 
 @router.post(

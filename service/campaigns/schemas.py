@@ -90,9 +90,7 @@ class CampaignChange(CampaignDetails):
     comments: models.ClearableLong | None = None
     time_zone: models.ClearableZone | None = None
     ended_at: Annotated[
-        Instant | None,
-        _TAKES_AWAY,
-        told("The end of the work in UTC.", json_schema_extra=_or_empty),
+        Instant | None, _TAKES_AWAY, told("The end of the work in UTC.", json_schema_extra=_or_empty)
     ] = None
     lens: Annotated[
         Lens | None,

@@ -19,7 +19,7 @@ from service.calibrations.schemas import Gap, NewPublication
 from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate, list_published
 from service.documents.dcc import write_dcc
-from service.documents.rendered import Order, order_certificate, write_order
+from service.documents.rendered import write_order
 from service.http import answers, lookup, models, operations, problems
 from service.http.auth import Caller
 from service.http.context import Context, UsesContext
@@ -151,9 +151,9 @@ def _print(
 ) -> publications.PrintedCertificate:
     content, issued = certificate.dump(), certificate.issued
     assert issued is not None  # noqa: S101  narrows the type
-    order = order_certificate(content, draw_preview(record, context.files))
+    order = write_order("certificate", certificate=content, preview=draw_preview(record, context.files))
     require = context.settings.decoder_sandbox == "require"
-    pdf = rendered.render_apart(write_order(order), require=require, first=first)
+    pdf = rendered.render_apart(order, require=require, first=first)
     kept = [context.blobs.keep([each]) for each in (sheets.write_json(content).encode(), pdf)]
     row = IssuedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
@@ -199,13 +199,10 @@ async def get_certificate(
     read: the ETag follows all of it.
     """
     issued = await _find(context, calibration.id, query.amendment)
-
-    def send() -> Response:
-        if issued is not None:
-            return _send_issued(request, context, issued, "application/json")
-        return _answer(request, _read(context, calibration, None), "application/json")
-
-    return await run_in_threadpool(send)
+    if issued is not None:
+        return await run_in_threadpool(_send_issued, request, context, issued, "application/json")
+    document = await run_in_threadpool(_read, context, calibration, None)
+    return _answer(request, document, "application/json")
 
 
 @router.get("/certificate.pdf", **answers.sends_stored_file("application/pdf"))
@@ -222,9 +219,10 @@ async def get_certificate_pdf(
     if issued is not None:
         return await run_in_threadpool(_send_issued, request, context, issued, "application/pdf")
 
-    def order() -> tuple[str, Order]:
+    def order() -> tuple[str, bytes]:
         certificate, record = _derive(context, calibration)
-        return certificate["number"], order_certificate(certificate, draw_preview(record, context.files))
+        preview = draw_preview(record, context.files)
+        return certificate["number"], write_order("certificate", certificate=certificate, preview=preview)
 
     return await send_pdf(request, context, order)
 
@@ -258,14 +256,13 @@ async def get_certificate_dcc(
     return await run_in_threadpool(send)
 
 
-async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:
+async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, bytes]]) -> Response:
     """Send what is ordered, named by its number; few are made at once, and the others wait."""
 
     def make() -> Response:
         number, ordered = order()
-        written = write_order(ordered)
-        source = rendered.name_source(written)
-        pdf = rendered.find_rendered(context, source) or rendered.render_and_keep(context, source, written)
+        source = rendered.name_source(ordered)
+        pdf = rendered.find_rendered(context, source) or rendered.render_and_keep(context, source, ordered)
         return _answer(request, pdf, "application/pdf", _name_pdf(number))
 
     return await to_thread.run_sync(make, limiter=context.presses)

@@ -14,23 +14,10 @@ from service.http.context import Context
 from store import blobs, files, software, tables
 from store.sandbox import build_command, build_environment
 
-Order = dict[str, Any]
 
-
-def order_certificate(certificate: dict[str, Any], preview: str) -> Order:
-    return {"kind": "certificate", "certificate": certificate, "preview": preview}
-
-
-def order_sheets(sheets: dict[str, Any]) -> Order:
-    return {"kind": "sheets", "sheets": sheets}
-
-
-def order_plot(method: str, result: dict[str, Any]) -> Order:
-    return {"kind": "plot", "method": method, "result": result}
-
-
-def write_order(order: Order) -> bytes:
-    return json.dumps(order, ensure_ascii=False, allow_nan=False).encode()
+def write_order(kind: str, **what: Any) -> bytes:  # noqa: ANN401  what JSON holds
+    """Write what `rendering.py` is to render: a certificate with its preview, sheets, or a plot."""
+    return json.dumps({"kind": kind, **what}, ensure_ascii=False, allow_nan=False).encode()
 
 
 log = logging.getLogger(__name__)

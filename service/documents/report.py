@@ -13,7 +13,7 @@ from radiometry.methods import findings, get_method
 from radiometry.records import Record
 from radiometry.specification.application import SurfaceApplication
 from service.documents.issuing import send_pdf
-from service.documents.rendered import Order, order_sheets
+from service.documents.rendered import write_order
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
 from service.http import answers, lookup, operations, problems
 from service.http.context import UsesContext
@@ -259,7 +259,7 @@ async def get_measurement_report(
         detail = "Only the measurement of a surface has a report: this one has none."
         raise problems.Problem(interface.NOT_FOUND, detail)
 
-    def order() -> tuple[str, Order]:
+    def order() -> tuple[str, bytes]:
         with context.database.reading() as session:
             frame = session.get_one(FrameRow, measurement.frame_id)
             version = session.get_one(Calibration, measurement.calibration_id)
@@ -277,7 +277,7 @@ async def get_measurement_report(
                 has_map=measurement.map_png_sha256 is not None,
             )
             answer = routes.answer_measurements(session, [measurement])[0].dump()
-        return measurement.id, order_sheets(lay_out_report(answer, reported))
+        return measurement.id, write_order("sheets", sheets=lay_out_report(answer, reported))
 
     return await send_pdf(request, context, order)
 

@@ -8,7 +8,7 @@ from fastapi import Query, Request, Response
 from radiometry.drawing.text import in_step, write_exposure, write_unit
 from radiometry.road import drawing
 from service.documents.issuing import send_pdf
-from service.documents.rendered import Order, order_sheets
+from service.documents.rendered import write_order
 from service.documents.sheets import Node, optional, percent, plain, stamp, table
 from service.http import answers, lookup, operations
 from service.http.context import UsesContext
@@ -90,10 +90,7 @@ def _tabulate_results(result: Node) -> Node:
             u = f"± {u} ({percent(each['expanded_uncertainty'] / each['value'])})"
             value += "" if each["unit"] == "1" else f" {write_unit(each['unit'])}"
         if rule := judged.get(name):
-            limit, verdict = (
-                words.write_limit(rule, short=True),
-                words.VERDICTS[rule["verdict"]],
-            )
+            limit, verdict = words.write_limit(rule, short=True), words.VERDICTS[rule["verdict"]]
             likely = words.write_probability(rule.get("probability"))
         rows.append([" ".join(words.FIGURES[name][:2]), value, u, limit, likely, verdict])
     budget = ", ".join(f"{each['source']} {percent(each['u_rel'])}" for each in result["budget"])
@@ -184,13 +181,13 @@ router = operations.Router(prefix="/v1/roads/{road_id}", tags=["roads"])
 async def get_road_report(row: routes.UsesResult, request: Request, context: UsesContext) -> Response:
     """The evaluation on two pages of A4 (PDF/A) with the headings of EN 13201-4."""
 
-    def order() -> tuple[str, Order]:
+    def order() -> tuple[str, bytes]:
         result = routes.answer_result(context, row).dump()
         with context.database.reading() as session:
             by = name_laboratory(session.get_one(Organisation, row.organisation_id))
         png = b"".join(context.files.open(row.map_png_sha256)[1]) if row.map_png_sha256 else b""
         sheets = lay_out_report(result, by=by, picture=drawing.draw_map(result, png) if png else "")
-        return sheets["number"], order_sheets(sheets)
+        return sheets["number"], write_order("sheets", sheets=sheets)
 
     return await send_pdf(request, context, order)
 
@@ -204,11 +201,11 @@ async def get_road_plan_card(
 ) -> Response:
     """The plan as a card for the person on the road: two sides of A5, where and what to read."""
 
-    def order() -> tuple[str, Order]:
+    def order() -> tuple[str, bytes]:
         with context.database.reading() as session:
             by = name_laboratory(session.get_one(Organisation, road.organisation_id))
             answer = routes.answer_road(session, road).dump()
         plan = routes.answer_plan(context, road, wanted).dump()
-        return road.id, order_sheets(lay_out_card(answer, plan, by=by))
+        return road.id, write_order("sheets", sheets=lay_out_card(answer, plan, by=by))
 
     return await send_pdf(request, context, order)

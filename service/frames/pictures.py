@@ -132,10 +132,7 @@ def _read_look(body: NewLook) -> Polygon:
 
 @router.post("/frames/{frame_id}/region", **QUEUES, responses=answers.problems(409))
 def look_at_region(
-    frame: Own[FrameRow],
-    polygon: Annotated[Polygon, Depends(_read_look)],
-    caller: Reader,
-    session: Session,
+    frame: Own[FrameRow], polygon: Annotated[Polygon, Depends(_read_look)], caller: Reader, session: Session
 ) -> changes.Reply:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 

@@ -138,13 +138,10 @@ def _install_database_problem(app: FastAPI) -> None:
         if database.is_full(error):
             detail = "The service has no space left to store this. Try again later."
             return problems.answer(Problem(interface.STORAGE_FULL, detail, headers={"Retry-After": "10"}))
+        code, detail = interface.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
         if isinstance(error, database.SchemaDiffers):
-            code, detail = (
-                interface.SCHEMA_MISMATCH,
-                "The database has the schema of another version. Try again later.",
-            )
-        else:
-            code, detail = interface.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
+            code = interface.SCHEMA_MISMATCH
+            detail = "The database has the schema of another version. Try again later."
         return problems.answer(Problem(code, detail, headers={"Retry-After": "1"}))
 
 

@@ -62,11 +62,7 @@ def _make_folder() -> str:
 def serve_forked(settings: Settings, serve: Serve) -> int:
     """Keep so many processes at work, each with a pulse, until a signal comes; the exit code."""
     pulse, pulses = Pulse(), Path(_make_folder())
-    supervisor = Supervisor(
-        data=settings.data,
-        patience=Patience(hang_s=settings.hang_s),
-        pulses=pulses,
-    )
+    supervisor = Supervisor(data=settings.data, patience=Patience(hang_s=settings.hang_s), pulses=pulses)
     with Signals() as signals:
         try:
             for number in range(1, settings.workers + 1):

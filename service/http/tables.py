@@ -133,9 +133,9 @@ async def read_sheet_or_document(
 class OneOrMany(Generic[F]):
     """A body that is one object, a list of them or a table; each bad field is named with its place."""
 
-    def __init__(self, form: type[F], most: int, read: Callable[[bytes], list[F]]) -> None:
+    def __init__(self, form: type[F], kind: Kind) -> None:
         schema = form.model_json_schema()
-        several = {"type": "array", "items": schema, "minItems": 1, "maxItems": most}
+        several = {"type": "array", "items": schema, "minItems": 1, "maxItems": kind.most}
         content = {
             "application/json": {"schema": {"oneOf": [schema, several]}},
             "text/csv": {"schema": {"type": "string"}},
@@ -143,9 +143,9 @@ class OneOrMany(Generic[F]):
         self.stated = {"requestBody": {"required": True, "content": content}}
         self._one: TypeAdapter[F] = TypeAdapter(form)
         self._many: TypeAdapter[list[F]] = TypeAdapter(
-            Annotated[list[form], Field(min_length=1, max_length=most)]  # type: ignore[arg-type, valid-type]
+            Annotated[list[form], Field(min_length=1, max_length=kind.most)]  # type: ignore[arg-type, valid-type]
         )
-        self._read = read
+        self._read = partial(read_sheet, form=form, kind=kind)
 
     async def __call__(self, request: Request) -> list[F] | F:
         return await read_sheet_or_document(request, self._read, self._validate)

@@ -244,8 +244,7 @@ def retry_job(job: lookup.Own[tables.Job], caller: auth.Reader, session: Session
         raise problems.Problem(interface.CONFLICT, detail)
     audit.record_act(session, "retry", job, before, {"state": "queued"})
     session.refresh(job)
-    (answer,) = _answers(session, [job])
-    return changes.Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
+    return reply_queued(session, job, session.get(tables.FrameRow, job.subject_id))
 
 
 def _choose(session: Session, caller: auth.Caller, body: RetriedJobs) -> ColumnElement[bool]:

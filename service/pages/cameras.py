@@ -9,6 +9,7 @@ from html import escape
 from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Query, Response
+from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -18,6 +19,7 @@ from radiometry.drawing.text import label_axis, write_quantity
 from radiometry.findings import interface
 from radiometry.fleet import drawing
 from radiometry.methods import get_method
+from service.coefficients import routes as coefficients
 from service.http import auth, lookup, models, operations, problems
 from service.pages.rendering import SignedInPage
 from store.queries import calibrations, fleet
@@ -188,10 +190,8 @@ def plot_fleet(
     if not found:
         return Response(status_code=204)
     figures = drawing.build_fleet(found, get_method(method).label_coefficient)
-    drawn = figures[min(view.part, len(figures) - 1)]
-    return send_svg(
-        draw_figure(drawn, "Coefficients of each camera", view=view, parts=[f.part for f in figures])
-    )
+    drawn, parts = figures[min(view.part, len(figures) - 1)], [each.part for each in figures]
+    return send_svg(draw_figure(drawn, "Coefficients of each camera", view=view, parts=parts))
 
 
 @router.get("/plots/cameras/{camera_id}/drift")
@@ -214,19 +214,14 @@ def plot_drift(
     return send_svg(draw_figure(figure, quantity, view=view, is_wide=True))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
+class Wanted(coefficients.Wanted):
     """A coefficient of a method, and the time as of which its versions are known."""
 
-    method: models.Method
     name: models.Text
-    iso: float | None = None
-    f_number: float | None = None
-    band: models.Text | None = None
     channel: models.Text | None = None
-    model: Annotated[models.Text | None, Query(description="Where it is one of several.")] = None
-    at: models.Instant | None = None
-    known_at: models.Instant | None = None
+    model: models.Text | None = None
+    width: int = Field(900, ge=240, le=2000)
+    part: int = 0
 
 
 @router.get("/plots/cameras/{camera_id}/{figure}")
@@ -234,10 +229,9 @@ def plot_lifetimes(
     camera: lookup.Own[Camera],
     figure: Literal["values", "lives"],
     session: Session,
-    view: Annotated[View, Depends()],
-    wanted: Annotated[Wanted, Depends()],
+    wanted: Annotated[Wanted, Query()],
 ) -> Response:
-    known_at = wanted.known_at or utc_now()
+    view, known_at = View(width=wanted.width), wanted.known_at or utc_now()
     found = calibrations.list_lifetimes(session, camera.id, wanted.method, known_at)
     until = max(known_at, wanted.at or known_at)
     if figure == "lives":

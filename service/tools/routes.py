@@ -266,16 +266,13 @@ router = operations.Router(prefix="/v1", tags=["tools"])
 stateless = [Depends(_take_key)]
 
 
-def _read_table(data: bytes, form: type[F]) -> list[F]:
-    """Under the names of the fields; a column for what no row says may be left out."""
+def _take_one_or_many(form: type[F]) -> tables.OneOrMany[F]:
+    """Take a table under the names of the fields; a column for what no row says may be left out."""
     known = tuple(form.model_fields)
     numbers = frozenset(known) - {"name"}
-    kind = tables.Kind(numbers=numbers, most=MOST_CASES, rows_are="cases", known=known)
-    return tables.read_sheet(data, form, kind)
-
-
-def _take_one_or_many(form: type[F]) -> tables.OneOrMany[F]:
-    return tables.OneOrMany(form, MOST_CASES, partial(_read_table, form=form))
+    return tables.OneOrMany(
+        form, tables.Kind(numbers=numbers, most=MOST_CASES, rows_are="cases", known=known)
+    )
 
 
 async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:

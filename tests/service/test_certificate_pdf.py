@@ -19,7 +19,6 @@ from service.documents.pages import lay_out
 from service.documents.rendered import (
     find_rendered,
     name_source,
-    order_certificate,
     render_and_keep,
     render_apart,
     write_order,
@@ -127,7 +126,7 @@ def test_tables_go_on_over_pages_and_words_are_text(certificate):
 
 def test_the_same_certificate_gives_the_same_bytes_of_pdf_a_3(certificate):
     pdf = typeset(lay_out(certificate, ""))
-    assert pdf == render_apart(write_order(order_certificate(certificate, "")))
+    assert pdf == render_apart(write_order("certificate", certificate=certificate, preview=""))
     reader = pypdf.PdfReader(io.BytesIO(pdf))
     root = reader.trailer["/Root"]
     metadata = root["/Metadata"].get_data()

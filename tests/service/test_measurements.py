@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 
 from radiometry.drawing.text import in_step
-from service.documents.rendered import order_sheets
+from service.documents.rendered import write_order
 from service.documents.rendering import typeset
 from service.documents.report import tabulate_cells, tabulate_flags
 from store.tables import FrameRow
@@ -161,8 +161,8 @@ def check_report(house, found):
     with pytest.MonkeyPatch.context() as patch:
         laid = []
         patch.setattr(
-            "service.documents.report.order_sheets",
-            lambda sheets: laid.append(sheets) or order_sheets(sheets),
+            "service.documents.report.write_order",
+            lambda kind, sheets: laid.append(sheets) or write_order(kind, sheets=sheets),
         )
         answer = house.http.get(path)
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")

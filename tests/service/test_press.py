@@ -72,6 +72,6 @@ def test_less_than_the_whole_sandbox_will_do_unless_it_is_required(monkeypatch):
     code += "press.os.nice = lambda _: 0\n"
     code += "press.main()"
     monkeypatch.setattr(kept, "build_command", lambda _module: [sys.executable, "-c", code])
-    assert render_apart(write_order({"kind": "any"})) == b'{"kind": "any"}'
+    assert render_apart(write_order("any")) == b'{"kind": "any"}'
     with pytest.raises(RenderingFailed, match="gives no landlock_files"):
         render_apart(b"{}", require=True)
