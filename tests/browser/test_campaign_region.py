@@ -103,14 +103,13 @@ def write_roi(path, points):
 
 def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     campaign_id = open_region(page, team, service, frame, method="sharpness", target={"kind": "slanted_edge"})
-    page.get_by_role("button", name="Rectangle").click()
-    page.get_by_label("Name of part 1").fill("centre")
-    page.get_by_label("Name of part 1").blur()
-    page.get_by_role("button", name="Add a part").click()
-    page.get_by_label("Name of part 2").fill("corner")
-    page.get_by_label("Name of part 2").blur()
     canvas = page.locator(".roi-canvas")
     box = canvas.bounding_box()
+    ends = [{"x": x * box["width"], "y": y * box["height"]} for x, y in ((0.6, 0.4), (0.3, 0.7))]
+    canvas.drag_to(canvas, source_position=ends[0], target_position=ends[1])
+    page.get_by_label("Name of part 1").fill("centre")
+    page.get_by_role("button", name="Add a part").click()
+    page.get_by_label("Name of part 2").fill("corner")
     for x_share, y_share in [(0.05, 0.1), (0.2, 0.1), (0.1, 0.3)]:
         canvas.click(position={"x": x_share * box["width"], "y": y_share * box["height"]})
     page.keyboard.press("Enter")
@@ -120,6 +119,7 @@ def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     expect(page.get_by_text("The region is set")).to_be_visible()
     parts = roi_of(team, campaign_id)["regions"]
     assert [part["name"] for part in parts] == ["centre", "corner"]
+    assert parts[0]["polygon"] == [[29, 26], [58, 26], [58, 45], [29, 45]]
     assert len(parts[1]["polygon"]) == 3
     # it is refused for its parts, which are too small, and takes others
     expect(page.locator("#overview")).to_contain_text("1 frame refused")

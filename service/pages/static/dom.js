@@ -62,13 +62,10 @@ export const mark = (kind, label) => svg("svg", { class: `v ${kind}`, ...(label 
 export const OUTCOMES = { pass: ["good", "Passes"], warn: ["warn", "Check"], fail: ["bad", "Fails"], pending: ["wait", "Waiting"] };
 
 /** A button that is pressed and released; `turn(isPressed)` hears of it. */
-export function toggle(text, turn, isPressed = false) {
-  const button = h("button", { type: "button", "aria-pressed": String(isPressed), onclick: () => {
-    button.ariaPressed = String(button.ariaPressed !== "true");
-    turn(button.ariaPressed === "true");
-  } }, text);
-  return button;
-}
+export const toggle = (text, turn, isPressed = false) => h("button", { type: "button", "aria-pressed": String(isPressed), onclick: ({ currentTarget: button }) => {
+  button.ariaPressed = String(button.ariaPressed !== "true");
+  turn(button.ariaPressed === "true");
+} }, text);
 
 /** Buttons of [value, text], of which one is pressed; `pick(value)` hears which. */
 export function segments(label, options, chosen, pick) {
@@ -193,6 +190,11 @@ for (const name of ["pointerup", "pointercancel", "dragend"]) addEventListener(n
 /** Whether something in a place is pressed: replaced now, it would get no click. Unlike :active, this ends with a drag. */
 export const isPressed = (place) => pressed !== null && place.contains(pressed);
 
+/** Wait until nothing there is: a field that is left by a press has changed before the press ends. */
+export async function released(place) {
+  while (isPressed(place)) await new Promise(requestAnimationFrame);
+}
+
 let toasts;
 
 /** A modal dialog covers all else, and nothing outside it can be reached: what passes by stands in it. */
@@ -242,8 +244,7 @@ export async function load(region, loader, draw) {
   const isLast = begin(region);
   try {
     const value = await loader();
-    // what is pressed is replaced when that ends
-    while (isPressed(region)) await new Promise(requestAnimationFrame);
+    await released(region);
     if (!isLast()) return false;
     fill(region, draw(value));
     return true;

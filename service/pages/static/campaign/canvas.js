@@ -86,9 +86,14 @@ export class RegionEditor extends EventTarget {
   }
 
   rectangle() {
-    const [width, height] = this.size;
-    const at = (x, y) => this.clamp([width * x, height * y]);
-    this.step(() => Object.assign(this.region, { points: [at(0.4, 0.4), at(0.6, 0.4), at(0.6, 0.6), at(0.4, 0.6)], closed: true }));
+    this.step(() => this.span(...[0.4, 0.6].map((share) => this.size.map((side) => share * side))));
+  }
+
+  /** A rectangle between two corners; by itself no step. */
+  span(...ends) {
+    const [[left, right], [top, bottom]] = [0, 1].map((axis) => ends.map((end) => this.clamp(end)[axis]).sort((a, b) => a - b));
+    Object.assign(this.region, { points: [[left, top], [right, top], [right, bottom], [left, bottom]], closed: true });
+    this.tell();
   }
 
   take(regions) {
@@ -191,10 +196,12 @@ export class RegionCanvas extends HandleView {
 
   carry(event) {
     const { drag, editor } = this;
+    // the whole picture cannot be moved: before the first corner a drag over it draws a rectangle
+    if (drag.point === undefined && this.isWhole && !editor.points.length) drag.point = "box";
     if (drag.point === undefined) return false;
-    if (!drag.remembered) editor.remember();
-    drag.remembered = true;
-    editor.move(drag.point, this.at(event));
+    drag.remembered ||= (editor.remember(), true);
+    if (drag.point === "box") editor.span(this.at(drag.from), this.at(event));
+    else editor.move(drag.point, this.at(event));
     return true;
   }
 

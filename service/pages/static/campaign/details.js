@@ -58,14 +58,14 @@ export const changeDetails = async (state) => (await editDetails(state.campaign)
 
 export function detailsPart(state) {
   if (!may("calibrate")) return null;
-  const archive = async () => {
-    const archived = !state.campaign.archived_at;
+  const turn = async (archived) => {
     state.campaign = await patch(state.path, { archived });
     draw();
-    done(archived ? "Archived." : "Taken out of the archive.", async () => {
-      state.campaign = await patch(state.path, { archived: !archived });
-      draw();
-    });
+  };
+  const archive = async () => {
+    const archived = !state.campaign.archived_at;
+    await turn(archived);
+    done(archived ? "Archived." : "Taken out of the archive.", () => turn(!archived));
   };
   const button = h("button", { type: "button", class: "quiet", onclick: () => act(button, archive) });
   const draw = () => (button.textContent = state.campaign.archived_at ? "Take out of the archive" : "Archive");

@@ -4,13 +4,8 @@ import { all } from "../api.js";
 import { byId, empty, fill, h, load, may, table } from "../dom.js";
 import { isNight, kindOf, labelOf, startOf } from "../methods.js";
 
-const found = Promise.all([all("/v1/campaigns"), all("/v1/cameras")]).then(([campaigns, cameras]) => ({ campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) }));
-
-load(byId("campaigns"), () => found, ({ campaigns, cameras }) => (campaigns.length ? list(campaigns, cameras) : nothing()));
-function nothing() {
-  const text = "A campaign contains the frames, the region and the meter readings of one calibration, or the frames of a measuring night.";
-  return empty("No campaigns yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);
-}
+const WHAT = "A campaign contains the frames, the region and the meter readings of one calibration, or the frames of a measuring night.";
+load(byId("campaigns"), () => Promise.all([all("/v1/campaigns"), all("/v1/cameras")]), ([campaigns, cameras]) => (campaigns.length ? list(campaigns.reverse(), new Map(cameras.map((camera) => [camera.id, camera]))) : empty("No campaigns yet", WHAT, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null)));
 
 function list(campaigns, cameras) {
   const shown = h("div", { "aria-live": "polite" });

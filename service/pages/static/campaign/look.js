@@ -48,7 +48,7 @@ export function lookPart(onClipping) {
   return { element, look };
 }
 
-const hintOf = (points) => (points.length ? `${counted(points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Click on the preview to set the first corner.");
+const hintOf = (points) => (points.length ? `${counted(points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Drag a rectangle on the preview, or click on each corner.");
 
 function rows(statistics) {
   const columns = [

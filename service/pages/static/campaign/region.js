@@ -4,6 +4,7 @@ import { get, put } from "../api.js";
 import { act, byId, empty, fill, h, may, toast, wrong } from "../dom.js";
 import { inOrder } from "../format.js";
 import { RegionCanvas, RegionEditor } from "./canvas.js";
+import { keep } from "./picture-view.js";
 import { select } from "../ask.js";
 import { adviceOn, countOwn, holdingFor, startsEmpty } from "./state.js";
 import { lookPart } from "./look.js";
@@ -70,7 +71,7 @@ function build(state, drawable) {
     load();
   }
   function settled() {
-    drawParts();
+    parts.hidden = !state.method.several_regions && editor.regions.length < 2;
     undo.disabled = editor.past.length === 0;
     saving.classList.toggle("dirty", editor.dirty);
     if (seen) look.look(frame, editor.region);
@@ -87,11 +88,7 @@ function build(state, drawable) {
       : null,
   );
   const own = h("p", { class: "muted small" });
-  const parts = h("div", { class: "roi-parts" });
-  function drawParts() {
-    const several = state.method.several_regions || editor.regions.length > 1;
-    fill(parts, several ? partsOf(editor) : null);
-  }
+  const parts = partsOf(editor);
   const saving = may("calibrate") ? savePart(state, editor, () => frame) : h("div");
   /** What holds for the frame that is shown, unless somebody is drawing. */
   async function load() {
@@ -133,19 +130,23 @@ function build(state, drawable) {
 const regionsOf = (roi) =>
   !roi ? [] : roi.regions ? inOrder(roi.regions, ({ name }) => name).map(({ name, polygon }) => ({ name, points: polygon, closed: true })) : [{ name: "", points: roi.polygon, closed: true }];
 
+/** Its rows stay the same elements: a name that is left by a press of a button must not take the button away. */
 function partsOf(editor) {
-  const name = (region, index) => region.name || `Part ${index + 1}`;
-  return [
-    h("h3", {}, "Parts"),
-    h("ul", { class: "plain" },
-      editor.regions.map((region, index) => h("li", { class: index === editor.active ? "active" : "" },
-        h("button", { type: "button", class: "quiet", "aria-pressed": String(index === editor.active), "aria-label": `Draw ${name(region, index)}`, onclick: () => editor.choose(index) }, index === editor.active ? "●" : "○"),
-        h("input", { value: region.name, placeholder: name(region, index), "aria-label": `Name of part ${index + 1}`, onchange: (event) => editor.rename(index, event.target.value.trim()) }),
-        h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name(region, index)}`, onclick: () => editor.removeRegion(index) }, "Remove"),
-      )),
-    ),
-    h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => editor.addRegion(`part-${editor.regions.length + 1}`) }, "Add a part")),
-  ];
+  const list = h("ul", { class: "plain" });
+  const quiet = (text, onclick) => h("button", { type: "button", class: "quiet", onclick }, text);
+  const at = (event) => [...list.children].indexOf(event.target.closest("li"));
+  const remove = (event) => (editor.removeRegion(at(event)), list.children[editor.active].lastChild.focus());
+  const make = () => h("li", {}, quiet("", (event) => editor.choose(at(event))), h("input", { onchange: (event) => editor.rename(at(event), event.target.value.trim()) }), quiet("Remove", remove));
+  editor.addEventListener("settled", () => keep(list, editor.regions.length, make, (row, i) => {
+    const [choose, name, away] = row.children;
+    const [region, active] = [editor.regions[i], i === editor.active];
+    const said = region.name || `Part ${i + 1}`;
+    row.classList.toggle("active", active);
+    Object.assign(choose, { textContent: active ? "●" : "○", ariaPressed: String(active), ariaLabel: `Draw ${said}` });
+    Object.assign(name, { value: region.name, placeholder: said, ariaLabel: `Name of part ${i + 1}` });
+    away.ariaLabel = `Remove ${said}`;
+  }));
+  return h("div", { class: "roi-parts" }, h("h3", {}, "Parts"), list, h("p", {}, quiet("Add a part", () => editor.addRegion(`part-${editor.regions.length + 1}`))));
 }
 
 function savePart(state, editor, frameOf) {

@@ -8,22 +8,15 @@ import { sayValue } from "../campaign/parameters.js";
 
 const BY_ITSELF = 3;
 
-async function checkChain(place, { from = "/v1/audit/chain", before = 0, pieces = BY_ITSELF } = {}) {
-  place.setAttribute("aria-busy", "true");
-  try {
-    let [count, path, piece] = [before, from, null];
-    for (let done = 0; path && done < pieces; done += 1) {
-      piece = await get(path);
-      count += piece.entries;
-      path = piece.next && pathOf(piece.next);
-    }
-    fill(place, tell(place, piece, count, path));
-  } catch (error) {
-    fill(place, failed(error, () => checkChain(place)));
-  } finally {
-    place.removeAttribute("aria-busy");
+const checkChain = (place, { from = "/v1/audit/chain", before = 0, pieces = BY_ITSELF } = {}) => load(place, async () => {
+  let [count, path, piece] = [before, from, null];
+  for (let done = 0; path && done < pieces; done += 1) {
+    piece = await get(path);
+    count += piece.entries;
+    path = piece.next && pathOf(piece.next);
   }
-}
+  return tell(place, piece, count, path);
+}, (line) => line);
 
 function tell(place, piece, count, path) {
   const entries = `${number(count, 9)} ${count === 1 ? "entry" : "entries"}`;

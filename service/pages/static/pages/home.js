@@ -7,7 +7,7 @@ import { readCard } from "../card/headers.js";
 import { propose } from "../card/propose.js";
 import { cardView } from "../card/view.js";
 import { causeFold, causesOf, jobCause, small, smallLink } from "../causes.js";
-import { act, byId, empty, failed, fill, h, load, mark, may, table, toast } from "../dom.js";
+import { act, byId, empty, failed, fill, h, load, mark, may, released, table, toast } from "../dom.js";
 import { ago, groupBy, number, span, stateWords } from "../format.js";
 import { METHODS, headlines, inForce, isNight, kindOf, labelOf, titleOf } from "../methods.js";
 
@@ -45,7 +45,11 @@ function startCard(zone, place, rest) {
     // a late answer never takes the place of a later choice
     if (card.turn !== turn) return;
     card.found = found;
-    show(cardView(card, { changed: () => look(card).catch((error) => toast(error.message)), cancel, send: (button) => act(button, () => send(card)) }));
+    await released(place);
+    if (card.turn !== turn) return;
+    const changed = () => (card.looking = look(card).catch((error) => toast(error.message)));
+    // what was just changed is not proposed yet
+    show(cardView(card, { changed, cancel, send: (button) => act(button, async () => (await card.looking, send(card))) }));
     if (!card.looked) place.querySelector("h1")?.focus();
     card.looked = true;
   }

@@ -4,7 +4,7 @@ import { get, patch, post } from "../api.js";
 import { numberOf, optionsOf } from "../ask.js";
 import { HandleView } from "../campaign/picture-view.js";
 import { small } from "../causes.js";
-import { act, byId, fill, h, may, segments, svg, toast, wrong } from "../dom.js";
+import { act, byId, fill, h, may, released, segments, svg, toast, wrong } from "../dom.js";
 import { counted, groupBy, number } from "../format.js";
 import { placed } from "../measurement/surface.js";
 import { FEWEST_MARKS, addFrame, cornersOf } from "./list.js";
@@ -195,7 +195,7 @@ export function drawSite(road, changed) {
     save.disabled = !past.length || unmoved() > 0;
     canvas.draw();
     if (drawn && kind === "site") fill(told, "Touch the corners of the area one after another.");
-    fill(fields, mine ? (kind === "marks" ? marks().map((mark, at) => figures(`Mark ${at + 1}`, mark, MARK, () => marks().splice(at, 1))) : siteFields()) : null);
+    if (mine) released(fields).then(() => fill(fields, kind === "marks" ? marks().map((mark, at) => figures(`Mark ${at + 1}`, mark, MARK, () => marks().splice(at, 1))) : siteFields()));
     clearTimeout(waiting);
     if (frame) waiting = setTimeout(place, PAUSE_MS);
   }
