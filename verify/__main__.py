@@ -95,7 +95,8 @@ def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
 def _report(certificate: data.Node, rows: list[compare.Row], console: Console, *, standing: str = "") -> int:
     console.print(_tabulate(certificate, rows))
     libraries = f"numpy {np.__version__} and scipy {scipy.__version__} on {platform.machine()}"
-    answer = f"{_conclude(rows)}{_name_unseen(certificate)}{standing} Recomputed with {libraries}."
+    more = f"{_name_unseen(certificate)}{_name_other_code(rows)}{standing}"
+    answer = f"{_conclude(rows)}{more} Recomputed with {libraries}."
     console.print(answer, markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0
 
@@ -153,6 +154,13 @@ def _name_unseen(certificate: data.Node) -> str:
     rows = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
     said = f" Of {len(frames)} frames {rows} are rows of a table: their pixels were not seen."
     return said if rows else ""
+
+
+def _name_other_code(rows: list[compare.Row]) -> str:
+    """Return what explains most differences: a version that other code has fitted; "" if none has."""
+    other = [row for row in rows if row.group == "software" and row.quantity == "stilb" and not row.same]
+    said = " It was fitted with fit code version {}, this is {}: a release with the former recomputes it."
+    return said.format(other[0].certificate, other[0].recomputed) if other else ""
 
 
 def _state_standing(status: data.Node) -> str:

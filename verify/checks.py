@@ -8,7 +8,7 @@ from store import codec, fits, software
 from store.queries.calibration_record import state_budgets, state_coefficients
 from store.queries.frames import name_extractor
 from verify.compare import ABSENT, Row, compare
-from verify.data import Data, Node
+from verify.data import Data, Node, find_frame
 from verify.recompute import Recomputed, hash_region, inputs_of
 
 _DECIDED_LATER = (
@@ -16,6 +16,7 @@ _DECIDED_LATER = (
     *("number", "issued", "approved_by", "statements"),
 )
 """What may rightly have changed since a draft was handed out; what was issued stays."""
+_SIGNED = ("number", "fitted_by", "approved_by")
 
 
 def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
@@ -41,6 +42,8 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
         # the data bring the certificate as it was handed out with them
         *compare("the data's own certificate", kept, theirs),
         *_issued_files(data),
+        *_standing(certificate, data),
+        *_sums(certificate, data),
     ]
 
 
@@ -98,6 +101,47 @@ def _issued_files(data: Data) -> Iterator[Row]:
             path = data.folder / f"{export.name_issued(issued)}.{form}"
             found = transport.hash_file(path) if path.exists() else ABSENT
             yield Row("issued files", f"{path.name} SHA-256", issued[f"{form}_sha256"], found)
+
+
+def _standing(certificate: Node, data: Data) -> Iterator[Row]:
+    """Compare status.json with the certificates: nobody has signed it, but much of it follows from them."""
+    if not (status := data.status):
+        return
+    yield Row("status.json", "id", certificate["calibration_id"], status.get("id", ABSENT))
+    for name in ("method", "version"):
+        yield Row("status.json", name, certificate[name], status.get(name, ABSENT))
+    if "certificates" not in status:
+        return
+    acts = []
+    for index, listed in enumerate(status["certificates"]):
+        held = data.read_issued(listed)
+        acts.append(act := held["published"][-1])
+        said: Node = {name: held[name] for name in _SIGNED if name in held}
+        said |= {"issued_at": held["issued"]["at"], "reason": act["reason"]}
+        found = {name: listed[name] for name in listed if name in {*said, *_SIGNED}}
+        yield from compare("status.json", said, found, f"certificates[{index}]")
+    stated, state = status.get("state", ABSENT), "published" if acts else "draft"
+    state = "revoked" if "revoked_reason" in status else state
+    yield Row(
+        "status.json", "state", stated if (state, stated) == ("published", "superseded") else state, stated
+    )
+    if "valid_from" in status:
+        start, end = min(act["valid_from"] for act in acts), max(act.get("valid_to", "~") for act in acts)
+        is_within = start <= status["valid_from"] and status.get("valid_to", "~") <= end
+        stands = f"{status['valid_from']} to {status.get('valid_to', 'open')}"
+        most = f"within {start} to {end.replace('~', 'open')}"
+        yield Row("status.json", "validity", stands if is_within else most, stands)
+
+
+def _sums(certificate: Node, data: Data) -> Iterator[Row]:
+    """Compare SHA256SUMS with the certificate, where the export has it: by it others check the frames."""
+    if (path := data.folder / "SHA256SUMS").exists():
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        found = {name: sha256 for sha256, _, name in (line.partition("  ") for line in lines)}
+        frames = certificate["frames"]
+        paths = [find_frame(data.folder, frame).relative_to(data.folder).as_posix() for frame in frames]
+        stated = {name: frame["sha256"] for name, frame in zip(paths, frames, strict=True)}
+        yield from compare("SHA256SUMS", stated, found)
 
 
 def _without(node: Node, name: str) -> Node:

@@ -36,7 +36,12 @@ class Data(Record):
     def find_copy(self, certificate: Node) -> Node:
         """Return the data's own copy of a certificate: of an amendment the amendment."""
         amends = certificate.get("issued", {}).get("amends")
-        return _read_json(self.folder / f"{name_issued(amends)}.json") if amends else self.certificate
+        return self.read_issued(amends) if amends else self.certificate
+
+    def read_issued(self, issued: Node) -> Node:
+        """Read the original certificate, or an amendment."""
+        read: Node = _read_json(self.folder / f"{name_issued(issued)}.json")
+        return read
 
 
 def find_frame(folder: Path, frame: Node) -> Path:

@@ -45,6 +45,16 @@ def test_a_frame_that_cannot_be_read_is_said(capsys, exported, damage):
     assert f"frames: {certificate['frames'][0]['frame']} │ can be read │" in said
 
 
+def test_an_edited_list_of_sums_is_found(capsys, exported):
+    sums = (exported / "SHA256SUMS").read_text()
+    for edited in (sums.replace(sums[:8], "0" * 8, 1), sums.partition("\n")[2], sums + "\nmore"):
+        (exported / "SHA256SUMS").write_text(edited)
+        code, said = run(capsys, exported)
+        assert (code, "SHA256SUMS: " in said) == (1, True)
+    (exported / "SHA256SUMS").unlink()
+    assert run(capsys, exported)[0] == 0
+
+
 def test_a_changed_reading_is_found_and_moves_k(capsys, exported):
     change(exported / "readings.json", nudge((0, "value"), by=0.001))
     code, said = run(capsys, exported)
@@ -143,6 +153,9 @@ def test_a_certificate_on_a_server_is_verified_from_there(capsys, exports, addre
     assert main([str(tmp_path / "doctored.json"), "--data", address, "--key", KEY]) == 1
 
 
+NOBODY = {"name": "nobody", "role": "none"}
+
+
 def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(exports, address, tmp_path, capsys):
     house, version = exports.house, exports.version("luminance")
     body = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
@@ -158,6 +171,19 @@ def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(exports, a
     change(folder / "status.json", lambda status: status.update(state="revoked", revoked_reason="it fell"))
     code, said = run(capsys, folder, "amendment-1.json")
     assert (code, "The version was revoked when it was exported (it fell)." in said) == (0, True)
+    change(folder / "status.json", lambda edited: edited.update(status))
+    for name, edit in {
+        "state": lambda status: status.update(state="draft"),
+        "state ": lambda status: status.update(revoked_reason="it fell", state="published"),
+        "version": lambda status: status.update(version=7),
+        "validity": lambda status: status.update(valid_from="2025-01-01T00:00:00Z"),
+        "certificates[1].reason": lambda status: status["certificates"][1].update(reason="other"),
+        "certificates[0].approved_by": lambda status: status["certificates"][0].update(approved_by=NOBODY),
+    }.items():
+        change(folder / "status.json", edit)
+        code, said = run(capsys, folder)
+        assert (code, f"status.json: {name.strip()}" in said) == (1, True), said
+        (folder / "status.json").write_text(json.dumps(status))
     place = f"{address}/v1/calibrations/{version['id']}/certificate.json?amendment=1"
     assert main([place, "--key", KEY]) == 0
     capsys.readouterr()
