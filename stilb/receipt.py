@@ -5,7 +5,7 @@ import json
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,14 +82,14 @@ def verify_receipt(signed: Mapping[str, Any], public_keys: list[str]) -> dict[st
     raise ReceiptInvalid("The receipt is not what this key signed: it was changed, or signed by another key.")
 
 
-def compare_card(receipt: Mapping[str, Any], folder: Path) -> list[str]:
-    """Return how a folder differs from a receipt: what would be lost if it were deleted."""
+def compare_card(receipt: Mapping[str, Any], folder: Path, *, ours: Collection[Path] = ()) -> list[str]:
+    """Return how a folder differs from a receipt: what would be lost with it, but for files of ours."""
     # a copy on another system may put the same letters together in another way
     listed = defaultdict[str, set[str]](set)
     for each in receipt["files"]:
         listed[unicodedata.normalize("NFC", each["name"])].add(each["sha256"])
     found = []
-    for path in list_files(folder):
+    for path in (each for each in list_files(folder) if each.resolve() not in ours):
         name = plain_name(path.relative_to(folder).as_posix())
         if (hashes := listed.get(unicodedata.normalize("NFC", name))) is None:
             found.append(f"{name}: not in the receipt")

@@ -9,6 +9,8 @@ import typer
 from stilb import receipt as receipts
 from stilb.client import Client
 from stilb.commands.output import Exit, Output, command, config_folder, print_json
+from stilb.commands.terminal import counted
+from stilb.field.plan import FILENAME
 from stilb.field.push import Report
 from stilb.problem import Problem, Unclear
 from stilb.transport import write_whole
@@ -59,7 +61,9 @@ def verify(
     except receipts.ReceiptInvalid as invalid:
         _finish({"valid": False, "reason": str(invalid)}, [str(invalid)], as_json=as_json, well=False)
         return
-    differences = [] if card is None else receipts.compare_card(receipt, card)
+    # neither the campaign's description nor the receipt itself is what a card was flown for
+    ours = {file.resolve(), *([(card / FILENAME).resolve()] if card else [])}
+    differences = [] if card is None else receipts.compare_card(receipt, card, ours=ours)
     apart = {each.removesuffix(": not in the receipt") for each in differences}
     lines = [line for line in _describe(receipt) if line.removesuffix(_NOT_SENT) not in apart]
     lines += [f"signed with {key_id}, a key of {origin}", *differences]
@@ -120,7 +124,7 @@ def _known_keys() -> receipts.KnownKeys:
 def _describe(receipt: dict[str, Any]) -> list[str]:
     count, named = receipt["files_count"], receipt.get("project_number") or receipt["campaign_id"]
     lines = [
-        f"{count} files, {receipt['size_bytes'] / 1e6:.1f} MB, stored in campaign {named}",
+        f"{counted(count, 'file')}, {receipt['size_bytes'] / 1e6:.1f} MB, stored in campaign {named}",
         f"issued at {receipt['issued_at']} for {receipt['organisation']}",
     ]
     for file in receipt["files"]:

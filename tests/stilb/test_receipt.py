@@ -26,6 +26,13 @@ def test_a_push_writes_a_receipt_that_is_verified_offline(signed_in, team, card,
     assert signed_in("receipt", "verify", kept, "--card", card / "dark").code == Exit.FINDINGS
     assert signed_in("receipt", "verify", kept, "--card", card).out.count("log.txt") == 1
     (card / "log.txt").unlink()
+    # ours: what init writes, and a receipt that was written to the card itself
+    (card / "campaign.toml").write_text("[camera]")
+    copy = card / "receipt.json"
+    copy.write_bytes(kept.read_bytes())
+    told = signed_in("receipt", "verify", copy, "--card", card)
+    assert (told.code, "campaign.toml" in told.out) == (Exit.DONE, False)
+    copy.unlink()
     assert signed_in("receipt", "verify", kept, "--card", card).code == Exit.DONE
     (card / "dark" / "1.DNG").write_bytes(b"another")
     told = signed_in("receipt", "verify", kept, "--card", card, "--json")
