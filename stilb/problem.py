@@ -43,6 +43,10 @@ class Unclear(ValueError):  # noqa: N818  what the caller asked, not an error of
     """A name that fits several things; the message says which, and how to name one."""
 
 
+class NotSignedIn(Unclear):
+    """No key is known to ask with."""
+
+
 class JobFailed(Problem):
     """A job ended without a result; the problem is the one that the job carries."""
 

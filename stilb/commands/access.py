@@ -136,7 +136,7 @@ def examine_health(health: Health) -> list[Finding]:
     free, ahead_s = health.free_bytes or 0, health.clock_ahead_s or 0.0
     answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
     waited = f"the oldest job has waited for {health.oldest_queued_s or 0.0:.0f} s"
-    lost = f"{health.quarantined_jobs} jobs have lost three workers each"
+    lost = f"jobs that have lost three workers each: {health.quarantined_jobs}"
     room = f"{free / 1e9:.1f} GB free, room for {free / 42e6:.0f} frames of 21 megapixels"
     side = "behind" if ahead_s > 0 else "ahead of"
     apart = f"this machine's clock is {abs(ahead_s):.0f} s {side} the service's"

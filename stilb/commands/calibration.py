@@ -25,7 +25,15 @@ from stilb.commands.output import (
     read_moment,
     write_moment,
 )
-from stilb.commands.terminal import figure, format_findings, holds_for, of_coefficients, showing, table
+from stilb.commands.terminal import (
+    counted,
+    figure,
+    format_findings,
+    holds_for,
+    of_coefficients,
+    showing,
+    table,
+)
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
 from stilb.field.template import read_methods
@@ -161,8 +169,8 @@ def revoke(
     touched = [each["measurement_id"] for each in found["measurements"]]
     roads = [f"{each['name']}, {each['link']}" for each in found.get("roads", ())]
     shown = [f"measured with it: {each}" for each in touched + roads]
-    count = f"{len(touched)} measurements and {len(roads)} roads"
-    output.answer(found, *shown, f"{calibration} is revoked; {count} were measured with it")
+    count = f"{counted(len(touched), 'measurement')} and {counted(len(roads), 'road')}"
+    output.answer(found, *shown, f"{calibration} is revoked; measured with it: {count}")
 
 
 @command
@@ -257,7 +265,7 @@ def format_impact(impact: dict[str, Any]) -> list[str]:
         if isos := impact[key]:
             changes.append(f"{sign} ISO {', '.join(f'{iso:g}' for iso in isos)}")
     if touched := len(impact["measurements"]):
-        changes.append(f"{touched} measurements were made with the version in force")
+        changes.append(f"made with the version in force: {counted(touched, 'measurement')}")
     return [impact["said"], *changes]
 
 

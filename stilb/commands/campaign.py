@@ -13,12 +13,12 @@ from stilb.commands.calibration import format_calibration
 from stilb.commands.measurements import format_measurements
 from stilb.commands.output import CampaignNamed, Exit, Output, command
 from stilb.commands.push import Folder, add_unread, place, transfer
-from stilb.commands.terminal import format_findings, lines, showing, table
+from stilb.commands.terminal import counted, format_findings, lines, showing, table
 from stilb.field import plan as plans
 from stilb.field.files import ANY_RULES, find_method, quote, read_camera, sort_files
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
-from stilb.problem import Unclear
+from stilb.problem import Problem, Unclear
 from stilb.records import DEFAULT_METHOD
 from stilb.transport import write_whole
 
@@ -33,7 +33,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     make: str = typer.Option("", help="Of the camera; default: as its files state it."),
     model: str = typer.Option("", help="Of the camera; default: as its files state it."),
     serial: str = typer.Option("", help="Of the camera; default: as its files state it."),
-    method: str = typer.Option(DEFAULT_METHOD, help="Method; the refusal of another lists them all."),
+    method: str | None = typer.Option(None, help="Method; default: what the service proposes for the files."),
     project: str | None = typer.Option(None, help="Project number; default: the folder's name."),
     lamp: str | None = typer.Option(None, metavar="KIND", help=LAMP_HELP),
     mains: float | None = typer.Option(
@@ -43,14 +43,16 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     night: bool = typer.Option(False, "--night", help="A night of measurements, not a calibration."),
 ) -> None:
     """Write a campaign.toml to fill in. An existing file is kept."""
-    if method not in read_methods():
+    if method not in {None, *read_methods()}:
         raise typer.BadParameter(f"--method is one of {', '.join(read_methods())}")
     light = {"lamp_kind": lamp, "mains_frequency_hz": mains}
-    if any(each is not None for each in light.values()) and method != DEFAULT_METHOD:
+    is_lit = any(each is not None for each in light.values())
+    if is_lit and method not in {None, DEFAULT_METHOD}:
         raise typer.BadParameter(f"--lamp and --mains are of {DEFAULT_METHOD} campaigns")
     path = folder / plans.FILENAME
     if path.exists():
         raise Unclear(f"{path} exists already: edit it, or remove it first")
+    method = method or (DEFAULT_METHOD if is_lit else _propose_method(output, folder, night=night))
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name
     stated = read_camera(folder)
@@ -60,6 +62,20 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     )
     write_whole(path, text)
     output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {quote(folder)}")
+
+
+def _propose_method(output: Output, folder: Path, *, night: bool) -> str:
+    """Return the method that the service proposes for the files, else the usual one; tell which, and why."""
+    files, _ = sort_files(folder, ANY_RULES, raw_only=True)
+    try:
+        with output.client(retries=0) as client:
+            proposed = find_method(client, folder, files, **({"kind": "measurement"} if night else {}))
+        why = "no file states its exposure"
+    except (Problem, Unclear) as error:
+        proposed, why = None, str(error).rstrip(".")
+    reason = "as the files suggest" if proposed else f"which is assumed ({why})"
+    output.note(f"method {proposed or DEFAULT_METHOD}, {reason}; for another: --method")
+    return proposed or DEFAULT_METHOD
 
 
 @app.command("run", epilog="Example: stilb campaign run card")
@@ -148,12 +164,13 @@ def show(output: Output, campaign: CampaignNamed) -> None:
         found = client.campaign(client.find_campaign(campaign).id).raw
     frames, offered = found["frames"], found.get("panel_offered")
     night = found.get("kind") == "measurement"
+    told = f"{found['measured']} measured" if night else counted(found["readings"], "reading")
     ready = f"ready: stilb {'measure --campaign' if night else 'calibrate'} {campaign}"
     output.answer(
         found,
         f"{found['id']} {found.get('project_number', '')} {found['method']}",
-        f"{frames['received']} frames, {frames['extracted']} extracted, {frames['refused']} refused; "
-        + (f"{found['measured']} measured" if night else f"{found['readings']} readings"),
+        f"{counted(frames['received'], 'frame')}, {frames['extracted']} extracted, {frames['refused']} "
+        f"refused; {told}",
         *([f"missing: {each}" for each in found["missing"]] or [ready]),
         *(f"advice: {each}" for each in found["advice"]),
         *format_findings(found["findings"]),
@@ -201,7 +218,9 @@ def readings(
     with output.client() as client:
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
     rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]
-    output.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
+    output.answer(
+        {"items": added}, table(("scene", "quantity", "value"), rows), counted(len(added), "reading")
+    )
 
 
 @app.command("points", epilog="Example: stilb campaign points P-17 Results.csv --white-level-dn 4095")
@@ -227,7 +246,7 @@ def points(
         added = client.add_points(campaign_id, text, white_level_dn=white_level_dn, **stated)
     ignored = ", ".join(added["ignored_columns"])
     more = [f"columns that were not read: {ignored}"] if ignored else []
-    output.answer(added, f"{len(added['items'])} frames", *more)
+    output.answer(added, counted(len(added["items"]), "frame"), *more)
 
 
 def _settle(output: Output, client: Client, others: list[str], *, replace: bool) -> None:
@@ -235,11 +254,11 @@ def _settle(output: Output, client: Client, others: list[str], *, replace: bool)
     if others and replace:
         for reading_id in others:
             client.withdraw_reading(reading_id)
-        output.note(f"{len(others)} other readings withdrawn")
+        output.note(f"withdrawn: {counted(len(others), 'other reading')}")
     elif others:
         output.note(
-            f"The campaign has {len(others)} readings that are not in the folder, and they count. If the "
-            "folder's readings replace them, run this again with --replace-readings"
+            f"Of the campaign's readings {len(others)} of those that count are not in the folder. If the "
+            "folder's are to replace them, run this again with --replace-readings"
         )
 
 
@@ -275,8 +294,8 @@ def motion(
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         found = client.motion(campaign_id, focal_length_mm=focal_length, role=role, **stated)
-    counted = f"{found['within_limit']} within {found['limit_px']:g} px, {found['beyond_limit']} beyond"
-    sentence = f"{found['frames']} frames, {found['with_rates']} with rates: {counted}"
+    judged = f"{found['within_limit']} within {found['limit_px']:g} px, {found['beyond_limit']} beyond"
+    sentence = f"{counted(found['frames'], 'frame')}, {found['with_rates']} with rates: {judged}"
     output.answer(found, _table(found["rows"]), *_reasons(found["rows"]), sentence)
     if found["beyond_limit"]:
         raise typer.Exit(Exit.FINDINGS)

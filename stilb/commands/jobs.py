@@ -7,7 +7,7 @@ import typer
 
 from stilb.client import Client
 from stilb.commands.output import CampaignChosen, Exit, Output, command
-from stilb.commands.terminal import table
+from stilb.commands.terminal import counted, table
 from stilb.records import Job
 
 _SHOWN = 20
@@ -74,7 +74,7 @@ def dismiss(
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id if campaign is not None else None
         count = client.dismiss_jobs(state, kind=kind, code=code, campaign_id=campaign_id, dismissed=not undo)
-    output.answer({"dismissed": count}, f"{count} jobs are {'listed again' if undo else 'dismissed'}")
+    output.answer({"dismissed": count}, f"{'listed again' if undo else 'dismissed'}: {counted(count, 'job')}")
 
 
 @command
@@ -96,7 +96,7 @@ def retry(
             return
         campaign_id = client.find_campaign(campaign).id if campaign is not None else None
         count = client.retry_jobs(str(state), kind=kind, code=code, campaign_id=campaign_id)
-    output.answer({"retried": count}, f"{count} jobs are retried")
+    output.answer({"retried": count}, f"retried: {counted(count, 'job')}")
 
 
 def _about(client: Client, found: list[Job]) -> dict[str, str]:

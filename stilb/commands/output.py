@@ -116,14 +116,14 @@ def choose_login(kept: Login | None, *, url: str | None, key: str | None) -> Log
     """Take what was given, else what was kept; the kept key goes to the service that it was kept for only."""
     if not url:
         if kept is None:
-            raise problem.Unclear("No login is stored. Sign in first: stilb login URL")
+            raise problem.NotSignedIn("No login is stored. Sign in first: stilb login URL")
         return Login(url=kept.url, key=key or kept.key)
     url = url.rstrip("/")
     if key:
         return Login(url=url, key=key)
     if kept is None or kept.url != url:
         message = f"No key is stored for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}"
-        raise problem.Unclear(message)
+        raise problem.NotSignedIn(message)
     return kept
 
 
@@ -181,6 +181,7 @@ _STEPS = {
     "no_calibration_in_force": "Ask for what there is, or for another time with --at, or publish a version "
     "(stilb publish).",
     "regions_differ": "Measure both with the same --region or --grid, or add --other-region.",
+    "region_missing": "Give it with --region, or draw it first, on the page or with stilb roi CAMPAIGN.",
     "campaign_incomplete": "Add the missing items, which stilb campaign show CAMPAIGN lists, then run "
     "this again.",
     "unreachable": "Check the address and the network (stilb doctor), then run this again: it continues.",
@@ -202,6 +203,8 @@ def exit_of(error: BaseException) -> Exit:
             return _exit_of_status(error.status)
         case TimeoutError():
             return Exit.STILL_AT_WORK
+        case problem.NotSignedIn():
+            return Exit.KEY
         case problem.Unclear() | OSError():
             return Exit.USAGE
         case _:

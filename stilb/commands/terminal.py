@@ -36,10 +36,9 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
 def figure(quantity: records.Quantity | records.Coefficient) -> str:
     """A value with its standard uncertainty, to two digits of the latter."""
     value, uncertainty = quantity.value, quantity.standard_uncertainty
-    if not 0.0 < uncertainty < math.inf:
-        return f"{value:.6g} ± {uncertainty:.2g} {quantity.unit}"
     # the value ends where its uncertainty does; 0.0996 is 0.10 at two digits
-    decimals = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+    is_known = 0.0 < uncertainty < math.inf
+    decimals = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}"))) if is_known else -1
     if not 0 <= decimals <= _MOST_DECIMALS:
         return f"{value:.6g} ± {uncertainty:.2g} {quantity.unit}"
     return f"{value:.{decimals}f} ± {uncertainty:.{decimals}f} {quantity.unit}"
@@ -74,6 +73,10 @@ def holds_for(row: Mapping[str, Any]) -> str:
 
 def _plain(value: float | str | None) -> str:
     return f"{value:g}" if isinstance(value, float | int) else value or ""
+
+
+def counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
@@ -130,7 +133,9 @@ class _Screen:
     def sent(self, sent: upload.Progress) -> None:
         if not self._console.is_terminal:
             if sent.files_done == sent.files_total:
-                self._console.print(f"sent: {sent.files_done} files, {sent.bytes_sent / 1e6:.1f} MB")
+                self._console.print(
+                    f"sent: {counted(sent.files_done, 'file')}, {sent.bytes_sent / 1e6:.1f} MB"
+                )
             return
         description = f"sent {sent.files_done} of {sent.files_total}"
         bar = self._bar("sent")

@@ -172,10 +172,10 @@ def place_files(
     return found, [file.name for file in files if file.name not in placed_names]
 
 
-def find_method(client: Client, folder: Path, files: Sequence[FieldFile]) -> str | None:
+def find_method(client: Client, folder: Path, files: Sequence[FieldFile], **about: str) -> str | None:
     """Return the method that the files suit by their headers; None if none has one."""
     asked, _ = _describe_headers(folder, files)
-    return client.propose(asked)["method"] if asked else None
+    return client.propose(asked, **about)["method"] if asked else None
 
 
 def _describe_headers(

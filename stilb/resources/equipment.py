@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from stilb.problem import Problem, missing, only
+from stilb.problem import Problem, only
 from stilb.records import Camera, Meter, Panel, PanelBand, Rig
 from stilb.transport import Connection, PathLike, address, without_none
 
@@ -77,11 +77,9 @@ class Rigs(Equipment):
     def find_rig(self, named: str) -> Rig:
         """The rig with this id or name."""
         every = [Rig.of(row) for row in self._items(address("rigs"))]
-        found = next((one for one in every if named in {one.id, one.name}), None)
-        if found is None:
-            names = ", ".join(one.name for one in every)
-            raise missing(f"No rig is named {named!r}. Registered: {names or 'none yet'}.")
-        return found
+        found = [one for one in every if named in {one.id, one.name}]
+        names = ", ".join(one.name for one in every) or "none yet"
+        return only(found[:1], several="", none=f"No rig is named {named!r}. Registered: {names}.")
 
     def rig_orientation(
         self, rig_id: str, *, tolerance_deg: float | None = None, tolerance_m: float | None = None

@@ -23,9 +23,6 @@ class Roads(Jobs):
         """The organisation's roads, newest first."""
         return map(Road.of, self._items(transport.address("roads")))
 
-    def change_road(self, road_id: str, **changes: object) -> Road:
-        return Road.of(self._patch(transport.address("roads", road_id), changes))
-
     def set_road_points(self, road_id: str, points: Sequence[dict[str, Any]] | str) -> list[dict[str, Any]]:
         """State all control points: a list, or a CSV text whose first line names the columns."""
         path = transport.address("roads", road_id, "points")

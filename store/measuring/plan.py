@@ -362,5 +362,5 @@ def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: A
     if isinstance(application, BandApplication):
         return whole_frame_of(frame), "whole_frame"
     raise shared.REGION_MISSING.reject(
-        f"Neither the request nor frame {frame.filename} nor its campaign has a region: send roi or set one."
+        f"Frame {frame.filename} has no region, nor has its campaign: draw one, or state one to measure in."
     )

@@ -61,7 +61,7 @@ def test_from_card_to_draft_to_what_is_in_force_and_once_more_changes_nothing(si
     assert "version 1 is in force" in shown.out
     assert "published" in signed_in("history", "0K1XE8").out
     revoked = signed_in("revoke", draft["id"], "--reason", "the meter was dropped")
-    assert f"{draft['id']} is revoked; 0 measurements and 0 roads were measured with it" in revoked.out
+    assert f"{draft['id']} is revoked; measured with it: 0 measurements and 0 roads" in revoked.out
     (version,) = signed_in("history", "0K1XE8", "--json").json["items"]
     assert version["state"] == "revoked"
 
@@ -81,7 +81,7 @@ def test_corrected_readings_take_the_place_of_the_others(signed_in, handful, tea
     text = (handful / NUMBERS).read_text()
     (handful / NUMBERS).write_text(text.replace("luminance,39.92", "luminance,39.9"))
     kept = signed_in("campaign", "run", handful, "--no-fit")
-    assert "The campaign has 8 readings that are not in the folder" in kept.err
+    assert "readings 8 of those that count are not in the folder" in kept.err
     assert "--replace-readings" in kept.err
     signed_in("campaign", "run", handful, "--no-fit", "--replace-readings")
     assert 39.9 in in_use(team, campaign_id)

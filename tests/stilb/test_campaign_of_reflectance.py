@@ -68,10 +68,24 @@ def test_from_card_to_one_k_a_band_in_force(signed_in, card):
 
 def test_files_of_another_method_than_the_default_are_told_before_they_are_sent(signed_in, card):
     (card / "campaign.toml").unlink()
-    assert signed_in("campaign", "init", card).code == Exit.DONE
+    assert signed_in("campaign", "init", card, "--method", "luminance").code == Exit.DONE
     told = "these files look like a reflectance campaign, and campaign.toml states luminance"
     assert told in " ".join(signed_in("campaign", "run", card, "--no-fit").err.split())
     assert told not in " ".join(signed_in("campaign", "run", card, "--no-fit").err.split())
+
+
+def test_init_takes_the_method_that_the_service_proposes_and_tells_which(signed_in, card):
+    for path in card.glob("campaign.toml"):
+        path.unlink()
+    ended = signed_in("campaign", "init", card)
+    assert "method reflectance, as the files suggest; for another: --method" in " ".join(ended.err.split())
+    assert read_plan(card).method == "reflectance"
+    signed_in("logout")
+    (card / "campaign.toml").unlink()
+    ended = signed_in("campaign", "init", card)
+    assert (ended.code, read_plan(card).method) == (Exit.DONE, "luminance")
+    said = "method luminance, which is assumed (No login is stored. Sign in first: stilb login URL); for "
+    assert said in " ".join(ended.err.split())
 
 
 def test_a_corrected_panel_takes_the_place_of_the_other(card, team):

@@ -289,13 +289,13 @@ def test_a_failed_job_is_a_finding(command, calibrated, tmp_path):
     assert "failed" in ended.out
     for words, said in [
         ((frame.job_id,), "extract queued"),
-        (("--state", "failed", "--code", "not_a_raw_file", "--campaign", campaign.id), "1 jobs"),
+        (("--state", "failed", "--code", "not_a_raw_file", "--campaign", campaign.id), "retried: 1 job\n"),
     ]:
         again = command("retry", *words)
         assert (again.code, said in again.out) == (Exit.DONE, True)
         with pytest.raises(stilb.JobFailed):
             team.client.wait(frame.job_id)
-    assert command("dismiss", "--state", "failed", "--campaign", campaign.id).out == "1 jobs are dismissed\n"
+    assert command("dismiss", "--state", "failed", "--campaign", campaign.id).out == "dismissed: 1 job\n"
     assert command("dismiss", "--state", "failed", "--undo", "--json").json == {"dismissed": 1}
     assert command("retry", "--state", "failed", "--kind", "fit", "--json").json == {"retried": 0}
     assert command("retry").code == command("retry", frame.job_id, "--state", "failed").code == Exit.USAGE

@@ -62,7 +62,7 @@ def test_publishing_tells_which_iso_values_it_takes_out_of_force():
     assert format_impact(impact | {"measurements": [made_with_it]}) == [
         "It replaces version 1.",
         "loses ISO 400, 800",
-        "1 measurements were made with the version in force",
+        "made with the version in force: 1 measurement",
     ]
 
 

@@ -57,7 +57,7 @@ def test_whoami_and_logout(signed_in, team, config):
     assert signed_in("logout").out == "Signed out.\n"
     assert not (config / "login.json").exists()
     ended = signed_in("whoami")
-    assert (ended.code, ended.out) == (Exit.USAGE, "")
+    assert (ended.code, ended.out) == (Exit.KEY, "")
     assert "Sign in first: stilb login URL" in ended.err
     # what `make export` passes on without URL=
     assert "Sign in first: stilb login URL" in signed_in("whoami", "--url", "").err
@@ -94,7 +94,7 @@ def test_the_audit_trail_is_checked_and_saved(signed_in, team, tmp_path):
 
 def test_the_kept_key_goes_to_no_other_service(signed_in, service):
     ended = signed_in("whoami", "--url", service.url)
-    assert ended.code == Exit.USAGE
+    assert ended.code == Exit.KEY
     assert f"stilb login {service.url}" in ended.err
     assert service.asked == []
 
