@@ -5,7 +5,7 @@ from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-FIT_CODE_VERSION = "0.1.20"
+FIT_CODE_VERSION = "0.1.21"
 """Fit code version: `software.stilb` of a calibration version, and part of its content hash.
 
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.

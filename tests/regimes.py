@@ -504,10 +504,10 @@ for noise, latitude_deg, shots in (
     *((0.01, 20.0, 10), (0.03, 20.0, 10), (0.05, 20.0, 10)),
 ):
     named = f"R, {shots} light reading{'s' * (shots > 1)} to {100 * noise:g} %, sun at {latitude_deg:g}°"
-    regime(named, draws=1000)(_reflectance(noise, latitude_deg, shots))
+    regime(named, draws=4000 if shots > 1 else 1000)(_reflectance(noise, latitude_deg, shots))
 for noise in (0.002, 0.02):
     named = f"R, a Sequoia's ten counts to {100 * noise:g} %, sun at 20°"
-    regime(named, draws=1000)(_reflectance(noise, 20.0, 1, counted=True))
+    regime(named, draws=4000)(_reflectance(noise, 20.0, 1, counted=True))
 
 
 # near infrared and red: wavelength [nm], reflectance of a canopy and of a panel

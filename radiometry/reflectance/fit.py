@@ -98,11 +98,11 @@ def _find_jump(used: Sequence[Candidate]) -> str:
 def pool_readings(bands: Sequence[Sequence[Sequence[PanelFrame]]]) -> Estimate:
     """Estimate the noise of a single sunshine reading.
 
-    An assumed s_0 with 2 degrees of freedom, the scatter of x = ln K within the n frames of each visit and
+    An assumed s_0 with one degree of freedom, the scatter of x = ln K within the n frames of each visit and
     band, and over the bands that of its change between two visits, x = D / sqrt(1/n_a + 1/n_b): what the
     bands share is drift [1]::
 
-        s^2 = (2 s_0^2 + sum (x - mean)^2) / (2 + sum (n - 1))
+        s^2 = (s_0^2 + sum (x - mean)^2) / (1 + sum (n - 1))
 
     The bands of a capture may share errors: within the visits the degrees of freedom are those of one. What
     the sensor's attitudes explain of the scatter within a visit (`_find_leaning`) is not the readings'.

@@ -145,8 +145,8 @@ REFLECTANCE_UNIT = "1"
 HALF_HOUR_S = 1800.0
 # An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
 ASSUMED_DOF = 4.0
-# That of a single sunshine reading, 0.2 to 4.7 % by sensor, is known to 50 %.
-READING_DOF = 2.0
+# That of a single sunshine reading, 0.2 to 4.7 % by sensor.
+READING_DOF = 1.0
 _USUAL_DRIFT_REL = 0.02
 _FAST_S = 300.0
 # A clock that was set in between leaves years: the rule ends with the day.
@@ -293,14 +293,13 @@ class Doubt(Record, kw_only=False):
         """Return the coverage factor for 95 %, and the degrees of freedom that have it.
 
         By Welch and Satterthwaite [1], where what was not estimated has no end of freedom. A single reading
-        may be twice as noisy as assumed, which they would average away: its expanded uncertainty adds in
-        squares.
+        may be twice as noisy as assumed, no more: its part, with at least two degrees, adds in squares.
 
         [1] JCGM 100:2008, G.4.1, doi:10.59161/JCGM100-2008E
         """
-        rest = max(0.0, variance - self.single)
+        rest, single = max(0.0, variance - self.single), coverage_factor(max(2.0, self.dof))
         others = coverage_factor(max(1.0, rest**2 / self.restless) if self.restless else math.inf)
-        expanded = math.hypot(others * math.sqrt(rest), coverage_factor(self.dof) * math.sqrt(self.single))
+        expanded = math.hypot(others * math.sqrt(rest), single * math.sqrt(self.single))
         k = expanded / math.sqrt(variance) if variance else others
         return k, find_dof(k)
 

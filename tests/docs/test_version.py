@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.20"
-    expected = "692ad97f3109a62a14456e9682c6fce866eac08ed203cb032dc9fdebb7799c77"
+    assert software.FIT_CODE_VERSION == "0.1.21"
+    expected = "440dfeae9f98b20081a1cf298b5be1bb0471433488e2e4e88c36ffbf275805b8"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

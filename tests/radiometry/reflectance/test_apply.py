@@ -79,8 +79,8 @@ def test_effects_add_up_to_the_uncertainty():
 
 
 def test_k_of_a_reflectance_by_hand():
-    """3 % of what is known with 9 degrees of freedom, 4 % of single readings with 2."""
-    k, dof = Doubt(0.04**2, 0.03**4 / 9.0, 2.0).scale(0.5).expand(0.025**2)
+    """3 % of what is known with 9 degrees of freedom, 4 % of single readings with 1, which count as 2."""
+    k, dof = Doubt(0.04**2, 0.03**4 / 9.0, 1.0).scale(0.5).expand(0.025**2)
     assert k * 0.025 == pytest.approx(0.5 * math.hypot(2.2622 * 0.03, 4.3027 * 0.04), rel=1e-4)
     assert coverage_factor(dof) == pytest.approx(k)
     assert Doubt(0.0, 0.0, 2.0).expand(0.05**2) == (pytest.approx(1.95996, rel=1e-5), math.inf)
@@ -92,7 +92,7 @@ def test_a_frame_s_single_reading_is_as_unsure_as_the_panel_s():
     k = reflectance.fit([row], READINGS, reflectance.Params()).band_fits[0].coefficient
     (alone,), (several,) = field(surface={"green": 0.3}, gain_indices=(1,)), field(surface={"green": 0.3})
     found, more = (measure(each, [k]) for each in (alone, several))
-    assert (k.reading_dof, k.knots[0].single_u_rel) == (2.0, pytest.approx(0.025, rel=0.01))
+    assert (k.reading_dof, k.knots[0].single_u_rel) == (1.0, pytest.approx(0.025, rel=0.01))
     assert found.doubt.single == pytest.approx(2 * (0.025 * found.reflectance.value) ** 2, rel=0.01)
     assert more.doubt.single == pytest.approx((0.025 * more.reflectance.value) ** 2, rel=0.01)
     # a version of before: all that its visits have of their own may be single readings

@@ -254,7 +254,7 @@ def test_what_attitudes_explain_of_captures_that_lean_otherwise_is_no_noise_of_r
     assert knot.own_level_u_rel == pytest.approx(math.hypot(a.own_level_u_rel, b.own_level_u_rel) / 2.0)
     own = (a.own_level_u_rel**2 + b.own_level_u_rel**2) / 2.0
     left = 0.12**2 / 2.0 - np.sum((effects[0] - effects[1]) ** 2) / 2.0 - own
-    assert found.reading_u_rel == pytest.approx(math.sqrt((2.0 * 0.025**2 + left) / 3.0))
+    assert found.reading_u_rel == pytest.approx(math.sqrt((0.025**2 + left) / 2.0))
 
 
 def test_an_older_version_takes_the_diffuse_fraction_of_its_fit():
