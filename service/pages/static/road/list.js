@@ -3,7 +3,7 @@
 import { all, get, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { act, byId, empty, h, load, mark, table } from "../dom.js";
-import { stateWords, time, words } from "../format.js";
+import { inOrder, stateWords, time, words } from "../format.js";
 import { LANES } from "../measurement/surface.js";
 import { methodOf } from "../methods.js";
 
@@ -89,7 +89,7 @@ export async function addFrame() {
   const frames = (await Promise.all(campaigns.map(({ id }) => all(`/v1/campaigns/${id}/frames`)))).flat().filter((each) => each.role === "field" && each.width_px);
   return ask({
     title: "Frame of the road",
-    fields: [{ name: "id", label: "Frame", options: frames.map((each) => [each.id, each.filename]), help: "A field frame of a luminance campaign or of a measuring night." }],
+    fields: [{ name: "id", label: "Frame", options: inOrder(frames, (each) => each.filename).map((each) => [each.id, each.filename]), help: "A field frame of a luminance campaign or of a measuring night." }],
     submit: "Add",
     action: ({ id }) => frames.find((each) => each.id === id),
   });

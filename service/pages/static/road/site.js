@@ -4,8 +4,8 @@ import { get, patch, post } from "../api.js";
 import { numberOf, optionsOf } from "../ask.js";
 import { HandleView } from "../campaign/picture-view.js";
 import { small } from "../causes.js";
-import { act, byId, fill, h, may, released, segments, svg, toast, wrong } from "../dom.js";
-import { counted, groupBy, number } from "../format.js";
+import { act, byId, fill, h, may, segments, svg, toast, wrong } from "../dom.js";
+import { groupBy, number } from "../format.js";
 import { placed } from "../measurement/surface.js";
 import { FEWEST_MARKS, addFrame, cornersOf } from "./list.js";
 
@@ -183,19 +183,19 @@ export function drawSite(road, changed) {
     settle();
   }
 
-  function change(work) {
+  function change(work, typed = false) {
     tool.begin();
     work();
-    settle();
+    settle(typed);
   }
 
-  /** A step is whole: draw it, write its figures, and place the picture again. */
-  function settle() {
+  /** A step is whole: draw it, write its figures unless one was typed, and place the picture again. */
+  function settle(typed = false) {
     undo.disabled = !past.length;
     save.disabled = !past.length || unmoved() > 0;
     canvas.draw();
     if (drawn && kind === "site") fill(told, "Touch the corners of the area one after another.");
-    if (mine) released(fields).then(() => fill(fields, kind === "marks" ? marks().map((mark, at) => figures(`Mark ${at + 1}`, mark, MARK, () => marks().splice(at, 1))) : siteFields()));
+    if (mine && !typed) fill(fields, kind === "marks" ? marks().map((mark, at) => figures(`Mark ${at + 1}`, mark, MARK, () => marks().splice(at, 1))) : siteFields());
     clearTimeout(waiting);
     if (frame) waiting = setTimeout(place, PAUSE_MS);
   }
@@ -209,7 +209,7 @@ export function drawSite(road, changed) {
       const answer = await post(`/v1/roads/${road.id}/placement`, asked);
       if (!latest()) return;
       lens = placed(answer);
-      fill(told, unmoved() ? `Move ${counted(unmoved(), "more mark")} to its place in the picture.` : `Placed by ${asked.marks.length} marks, to ± ${number(answer.place_u_m, 2)} m.`);
+      fill(told, unmoved() ? `Move each mark to its place in the picture: ${unmoved()} of ${asked.marks.length} are left.` : `Placed by ${asked.marks.length} marks, to ± ${number(answer.place_u_m, 2)} m.`);
     } catch (error) {
       if (!error.code) throw error;
       if (!latest()) return;
@@ -239,7 +239,7 @@ export function drawSite(road, changed) {
 
   function figures(name, of, keys, remove) {
     const entry = ([key, label]) => {
-      const input = h("input", { type: "number", step: "any", "data-keep": `${name} ${key}`, value: cm(of[key] ?? 0), title: `${name}: ${label}`, onchange: (event) => act(event.target, async () => change(((value) => () => (of[key] = value))(numberOf(input) ?? 0))) });
+      const input = h("input", { type: "number", step: "any", "data-keep": `${name} ${key}`, value: cm(of[key] ?? 0), title: `${name}: ${label}`, onchange: (event) => act(event.target, async () => change(((value) => () => (of[key] = value))(numberOf(input) ?? 0), true)) });
       return h("label", { class: "site-entry" }, label, input);
     };
     return h("div", { class: "site-row", role: "group", "aria-label": name }, h("strong", {}, name), keys.map(entry), remove ? small("Remove", () => change(remove), { "aria-label": `Remove ${name}` }) : null);
