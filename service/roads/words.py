@@ -51,8 +51,8 @@ def write_prospect(criterion: Node, prospect: Node) -> tuple[str, str, str]:
 
 def tell_verdict(result: Node) -> str:
     """Return the verdict in a sentence."""
-    road_class = result["stated"]["requirement"]["road_class"]
-    return f"{VERDICTS[result['verdict']].capitalize()} against class {road_class}."
+    verdict, named = result["verdict"], result["stated"]["requirement"]["road_class"]
+    return f"{VERDICTS[verdict].capitalize()} {'against' if verdict[:3] == 'not' else 'to'} class {named}."
 
 
 def tell_why(result: Node) -> str:
@@ -67,7 +67,7 @@ def tell_why(result: Node) -> str:
         said = f"{sign} = {value} {VERDICTS[each['verdict']]}"
         if each["verdict"] == "not_decided":
             likely = write_probability(each.get("probability"))
-            said = f"{sign} = {value} is too near to its limit: {likely} likely to conform"
+            said = f"{sign} = {value} is too near its limit: {likely} likely to conform"
         needed = f"; U of {format(each['needed_u'], '.2g')} would decide it" if "needed_u" in each else ""
         words.append(f"{said}{needed}.")
     return " ".join(words)

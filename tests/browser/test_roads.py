@@ -72,7 +72,7 @@ def test_a_road_is_judged_on_its_page(page, team, spoilt):
     check_access(page)
     page.get_by_role("link", name=spoilt["name"]).click()
     settle(page)
-    expect(page.locator("#verdict")).to_contain_text("Conforms against class C4")
+    expect(page.locator("#verdict")).to_contain_text("Conforms to class C4")
     expect(page.locator("#verdict")).to_contain_text("P3 differs from the map")
     expect(page.locator("#figures")).to_contain_text(re.compile(r"Average Eav\s*\d\d\.\d+ ± \d\.?\d*\s*lx"))
     expect(page.locator(".road-map")).to_have_js_property("complete", value=True)
@@ -88,7 +88,7 @@ def test_a_road_is_judged_on_its_page(page, team, spoilt):
     expect(row).to_contain_text("left out receiver in shadow")
     expect(page.locator("#verdict")).not_to_contain_text("P3")
     page.get_by_label("Class").select_option("C1")
-    expect(page.locator("#verdict")).to_contain_text("Does not conform against class C1")
+    expect(page.locator("#verdict")).to_contain_text("Does not conform to class C1")
     expect(page.locator("#decide")).to_be_hidden()
     with team.http() as http:
         path = f"/v1/roads/{spoilt['id']}"
@@ -271,7 +271,7 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(road_page):
     page.get_by_role("dialog").get_by_role("button", name="Save").click()
     expect(page.locator("#points").get_by_role("row")).to_have_count(9)
     page.get_by_role("button", name="Evaluate").click()
-    expect(page.locator("#verdict")).to_contain_text("against class C4")
+    expect(page.locator("#verdict")).to_contain_text("class C4")
     expect(page.locator("#figures")).to_contain_text("Power density")
     expect(page.locator("#under")).to_contain_text("LED, dry")
 

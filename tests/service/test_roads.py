@@ -286,7 +286,7 @@ def test_points_map_and_papers_of_an_evaluation(house, evaluated):
     pdf = house.http.get(links["report.pdf"]).content
     report = read_pages(pdf)
     assert len(report) == 2
-    for words in ("Conforms against class C4", "EN 13201-2:2015", "T-10A 40027731", "E-2026-0118"):
+    for words in ("Conforms to class C4", "EN 13201-2:2015", "T-10A 40027731", "E-2026-0118"):
         assert words in report[0], words
     assert "by marked points" in report[0]
     for words in ("Average Eav", "P8", "Measured by"):

@@ -149,7 +149,7 @@ function strip({ at_least: least, at_most: most }, { value, low, high, standard_
 function drawPoints(result) {
   if (!road.points.length) return empty("No control points yet", "Read at least four with a lux meter, below and between the lamps, and enter the readings here.");
   const found = new Map((result?.control ?? []).map((each) => [each.name, each]));
-  const state = (point) => found.get(point.name)?.state ?? "not_seen";
+  const state = (point) => found.get(point.name)?.state ?? "not_evaluated";
   const columns = [
     { head: "Point", header: true, cell: (point) => point.name },
     { head: "Along, across", class: "number", cell: (point) => `${fixed(point.x_m, 1)}, ${fixed(point.y_m, 1)} m` },
