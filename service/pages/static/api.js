@@ -10,13 +10,12 @@ export class Problem extends Error {
   }
 }
 
-export const OFFLINE = {
-  title: "No connection",
-  detail: "The service does not answer. Check the connection and try again.",
-  code: "offline",
-  status: 0,
-  retryable: true,
-};
+export const OFFLINE = { title: "No connection", detail: "The service does not answer. Check the connection and try again.", code: "offline", status: 0, retryable: true };
+
+const changing = new Set();
+
+/** Note a change that is on its way: a job that is started after it waits for it. */
+const change = (sent) => (changing.add(sent), sent.finally(() => changing.delete(sent)).catch(() => {}), sent);
 
 /** Whether there is a session again after the end of one: asked for over the page, which keeps what was typed. */
 export async function isRenewed(insists) {
@@ -32,7 +31,8 @@ export async function send(method, path, options = {}) {
   if (method !== "GET") all.set("X-CSRF-Token", document.querySelector("meta[name=csrf-token]").content);
   let answer;
   try {
-    answer = await fetch(path, { method, headers: all, body: json === undefined ? body : JSON.stringify(json), signal });
+    const sent = fetch(path, { method, headers: all, body: json === undefined ? body : JSON.stringify(json), signal });
+    answer = await (method === "GET" ? sent : change(sent));
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Problem(OFFLINE);
@@ -108,6 +108,7 @@ export async function runJob(path, body, told, doing, { signal } = {}) {
   const tell = ({ state, progress }) => (told.textContent = state === "queued" ? "Queued…" : `${doing}, ${Math.round(100 * progress)} %`);
   told.textContent = `${doing}…`;
   try {
+    await Promise.allSettled(changing);
     const begun = await post(path, body, { signal });
     const job = begun.state === "succeeded" ? begun : await followJob(begun.id, tell, { signal });
     if (job.state !== "succeeded") throw new Problem(job.error);

@@ -122,8 +122,7 @@ function starter(state) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
   const given = state.method.parameters.filter((each) => each.given_by === "campaign");
   const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
-  const progress = h("p", { class: "muted small", role: "status" });
-  const lacking = h("div");
+  const [progress, lacking] = [h("p", { class: "muted small", role: "status" }), h("div")];
   const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
   const draw = () => {
     const { count, said } = readinessOf(state.campaign, state.sending);
@@ -132,6 +131,8 @@ function starter(state) {
   for (const name of ["campaign", "sending"]) state.on(name, draw);
   draw();
   const start = async () => {
+    // readings that are typed one after another are stored in turn
+    await state.book?.turn;
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
     if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
     try {
