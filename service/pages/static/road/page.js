@@ -12,10 +12,8 @@ import { drawSite } from "./site.js";
 const { roadId } = document.querySelector("main").dataset;
 const own = `/v1/roads/${roadId}`;
 const NAMES = { e_av: ["Average", "E", "av"], e_min: ["Minimum", "E", "min"], u_0: ["Uniformity", "U", "0"], average_to_min: ["Average to minimum", "E", "av/min"], eir: ["Edge ratio", "EIR", ""], pdi: ["Power density", "D", "P"], l_av: ["Luminance", "L", "av"], u_o: ["Overall uniformity", "U", "o"], u_l: ["Longitudinal uniformity", "U", "l"], f_ti: ["Threshold increment", "f", "TI"] };
-const GUARD = 1.645;
-const mayChange = may("calibrate");
-let road = null;
-let rules = [];
+const [GUARD, mayChange] = [1.645, may("calibrate")];
+let [road, rules, saveSite] = [null, [], () => {}];
 
 const sign = (figure) => [NAMES[figure][1] || words(figure), h("sub", {}, NAMES[figure][2])];
 /** "U_0 = 0.41" with the 0 set lower. */
@@ -25,10 +23,10 @@ const unitOf = (figure) => (/^e_(av|min)$/.test(figure) ? " lx" : "");
 byId("hide")?.addEventListener("click", hide);
 byId("type")?.addEventListener("click", async () => (await typePoints(own)) && show());
 byId("evaluate")?.addEventListener("click", (event) => act(event.target, () => evaluate()));
-show().then(() => road && drawSite(road, show));
+show().then(() => road && (saveSite = drawSite(road, show)));
 
 async function evaluate(changed) {
-  await changed;
+  await saveSite(await changed);
   await runJob(`${own}/evaluate`, undefined, byId("progress"), "Evaluating");
   await show();
 }

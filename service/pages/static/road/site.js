@@ -104,7 +104,7 @@ class SiteCanvas extends HandleView {
   }
 }
 
-/** Fill the section `site`; `changed()` after what is drawn was saved. */
+/** Fill the section `site`; `changed()` after what is drawn was saved. Answers what saves it, where it was changed. */
 export function drawSite(road, changed) {
   let draft = structuredClone({ site: road.site, frames: road.frames });
   let frame = null;
@@ -149,6 +149,7 @@ export function drawSite(road, changed) {
   turn(kind);
   if (draft.frames.length) choose(draft.frames[0].frame_id);
   else fill(told, "The road has no frames: add one, and mark points of the road in it.");
+  return async () => past.length && keep();
 
   async function list() {
     const named = await Promise.all(draft.frames.map(({ frame_id: id }) => get(`/v1/frames/${id}`)));
@@ -256,6 +257,7 @@ export function drawSite(road, changed) {
   }
 
   async function keep() {
+    if (unmoved()) throw wrong("Move each mark to its place in the picture first, or undo.");
     const areas = (draft.site.areas ?? []).filter(({ corners_m: corners }) => corners.length > 2);
     await patch(`/v1/roads/${road.id}`, { site: { ...draft.site, areas }, frames: draft.frames.map(({ marks: set, ...each }) => (set?.length ? { ...each, marks: set } : each)) });
     past.length = 0;
