@@ -11,7 +11,7 @@ FIT_CODE_VERSION = "0.1.21"
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-12"  # of a measurement and its map. Part of a measurement's content hash
+MEASURER = "measure-13"  # of a measurement and its map. Part of a measurement's content hash
 
 EXTRACTOR = "extract-5"  # of the decoder and the statistics. Part of an extraction's key
 

@@ -103,10 +103,10 @@ SCALE = 0.015  # of the meter, as `evidence.reading` states it
 def _draw_campaign(
     random: Random,
     *,
-    f: float,
-    meter: float,
-    scatter: float,
-    levels: int,
+    f: float = 0.003,
+    meter: float = 0.005,
+    scatter: float = 0.0,
+    levels: int = 6,
     current: float = 0.0,
     drift: float | None = None,
     repeats: int = 1,
@@ -155,29 +155,10 @@ def _draw_campaign(
     return fitted, rows, true_f, true_t, lights, oracle
 
 
-def _k(
-    *,
-    f: float = 0.003,
-    meter: float = 0.005,
-    scatter: float = 0.0,
-    levels: int = 6,
-    current: float = 0.0,
-    drifts: tuple[float, float] | None = None,
-    repeats: int = 1,
-    judged: bool = False,
-) -> Regime:
+def _k(*, drifts: tuple[float, float] | None = None, judged: bool = False, **campaign) -> Regime:
     def work(random: Random) -> Iterator[Drawn]:
         drift = None if drifts is None else random.uniform(*drifts)
-        k, *_, oracle = _draw_campaign(
-            random,
-            f=f,
-            meter=meter,
-            scatter=scatter,
-            levels=levels,
-            current=current,
-            drift=drift,
-            repeats=repeats,
-        )
+        k, *_, oracle = _draw_campaign(random, drift=drift, **campaign)
         u = k.luminance_k_standard_uncertainty / evidence.K
         risk = compute_risk(u_rel=u, dof=k.effective_dof or math.inf, tolerance_rel=TOLERANCE)
         yield Drawn(
@@ -211,9 +192,7 @@ regime("K, lamps that brighten by 2 % in each scene, read before and after")(
 
 def _draw_night(random: Random, scatter: float) -> Iterator[tuple[float, AppliedLuminance, float]]:
     """Yield later frames of a camera at settings of its calibration: the truth, what is found, and its k."""
-    k, rows, true_f, true_t, lights, _ = _draw_campaign(
-        random, f=0.015, meter=0.005, scatter=scatter, levels=6
-    )
+    k, rows, true_f, true_t, lights, _ = _draw_campaign(random, f=0.015, scatter=scatter)
     row = rows[random.integers(len(lights) * len(APERTURES))]
     camera = CalibratedCamera(exposure=row.exposure, coefficient=k, lens=None, corrections=())
     time_s, a = row.exposure.exposure_time_s, row.exposure.f_number
@@ -400,10 +379,10 @@ def _uniformity(noise: float, *, lengthwise: bool = False, light: np.ndarray = P
 
 
 for noise in (0.05, 0.1):
-    regime(f"U_o, cells to {100 * noise:g} %")(_uniformity(noise))
-    regime(f"U_l, cells to {100 * noise:g} %", draws=100)(_uniformity(noise, lengthwise=True))
-regime("U_o, equal cells to 5 %")(_uniformity(0.05, light=EQUAL))
-regime("U_o, one of equal cells 15 % darker, to 5 %")(_uniformity(0.05, light=DARKER))
+    regime(f"U_o, cells to {100 * noise:g} %", draws=2000)(_uniformity(noise))
+    regime(f"U_l, cells to {100 * noise:g} %", draws=1000)(_uniformity(noise, lengthwise=True))
+regime("U_o, equal cells to 5 %", draws=2000)(_uniformity(0.05, light=EQUAL))
+regime("U_o, one of equal cells 15 % darker, to 5 %", draws=2000)(_uniformity(0.05, light=DARKER))
 
 
 # --- reflectance: a panel that leans by 2 degrees, a light sensor on a mount, a sky that is partly diffuse
@@ -428,6 +407,16 @@ def _pass(cosine: float) -> float:
     return 1 - (across**2 + along**2) / 2
 
 
+def _hang(random: Random, mount: np.ndarray, sun: np.ndarray) -> tuple[float, dict[str, float]]:
+    """What a light sensor that leans by some 4 degrees takes of the sun, and the attitude it states."""
+    yaw, tilt = random.uniform(0, 2 * math.pi), random.normal(0.0, math.radians(4.0), 2)
+    own = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
+    cosine = max(0.0, float(_turn(yaw, *(tilt + mount + own)) @ sun))
+    angles = np.degrees([yaw, *tilt]).tolist()
+    stated = dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True))
+    return cosine * _pass(cosine) / _pass(1.0), stated
+
+
 def _count(random: Random, light: float, noise: float, attitude: dict[str, float]) -> SunshineCounts:
     """Ten readings of a Sequoia at gain 1 or 2, whose table of whole counts stands for its true gains."""
     index, table = random.integers(1, 3), np.array([330.0, 3990.0]) + random.uniform(-0.5, 0.5, 2)
@@ -449,8 +438,8 @@ def _count(random: Random, light: float, noise: float, attitude: dict[str, float
     )  # fmt: skip
 
 
-def _reflectance(noise: float, latitude_deg: float, shots: int, *, counted: bool = False) -> Regime:
-    """R = 0.3 of a later frame, one light reading at each shot of the panel and at the frame, or counts."""
+def _find_sun(latitude_deg: float):
+    """The header of a frame at an equinox's noon, the sun's height [rad], and the direction towards it."""
     at = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0, "latitude_deg": latitude_deg}
     header = dataclasses.replace(SHOT.header, **at)
     (position,) = locate_suns_of(header)
@@ -458,23 +447,25 @@ def _reflectance(noise: float, latitude_deg: float, shots: int, *, counted: bool
     sun = np.array(
         [math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), -math.sin(height)]
     )
+    return header, height, sun
+
+
+def _reflectance(noise: float, latitude_deg: float, shots: int, *, counted: bool = False) -> Regime:
+    """R = 0.3 of a later frame, one light reading at each shot of the panel and at the frame, or counts."""
+    header, height, sun = _find_sun(latitude_deg)
 
     def work(random: Random) -> Iterator[Drawn]:
         diffuse = float(np.clip(random.normal(1 / 6, 0.1), 0.0, 0.6))
         mount = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
 
         def see(row):
-            yaw, tilt = random.uniform(0, 2 * math.pi), random.normal(0.0, math.radians(4.0), 2)
-            own = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
-            cosine = max(0.0, float(_turn(yaw, *(tilt + mount + own)) @ sun))
-            light = (1 - diffuse) * cosine * _pass(cosine) / _pass(1.0) / math.sin(height) + diffuse
-            stated = dict(zip(("pitch_deg", "roll_deg"), np.degrees(tilt).tolist(), strict=True))
+            direct, stated = _hang(random, mount, sun)
+            light = (1 - diffuse) * direct / math.sin(height) + diffuse
             if counted:
-                stated["yaw_deg"] = math.degrees(yaw)
                 return change_band([row], counts=_count(random, light, noise, stated))[0]
             sensor = SunshineIrradiance(
                 irradiance_w_m2_nm=43000.0 * light * (1 + noise * random.standard_normal()),
-                quantity="spectral", unit_origin="tag", yaw_deg=math.degrees(yaw), **stated,
+                quantity="spectral", unit_origin="tag", **stated,
             )  # fmt: skip
             return change_band([row], counts=None, irradiance=sensor)[0]
 
@@ -516,13 +507,7 @@ INDEXED = {"nir": (840.0, 0.45, 0.61), "red": (668.0, 0.05, 0.68)}
 
 def _ndvi(noise: float) -> Regime:
     """NDVI of one capture by one of a panel that is levelled by eye; clear air, and haze of any amount."""
-    at = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0, "latitude_deg": 40.0}
-    header = dataclasses.replace(SHOT.header, **at)
-    (position,) = locate_suns_of(header)
-    height, azimuth = math.radians(position.elevation_deg), math.radians(position.azimuth_deg)
-    sun = np.array(
-        [math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), -math.sin(height)]
-    )
+    header, height, sun = _find_sun(40.0)
     readings = [
         dataclasses.replace(PANEL_READING, band=band, reflectance=panel, standard_uncertainty=0.01 * panel)
         for band, (_, _, panel) in INDEXED.items()
@@ -535,21 +520,17 @@ def _ndvi(noise: float) -> Regime:
 
         def see(role: str, facing: np.ndarray):
             """One capture: the bands share attitude, mount and haze, and each has its own reading."""
-            yaw, tilt = random.uniform(0, 2 * math.pi), random.normal(0.0, math.radians(4.0), 2)
-            own = random.normal(0.0, math.radians(2.0) * math.sqrt(0.5), 2)
-            cosine = max(0.0, float(_turn(yaw, *(tilt + mount + own)) @ sun))
-            stated = dict(zip(("pitch_deg", "roll_deg"), np.degrees(tilt).tolist(), strict=True))
-            rows = []
+            (direct, stated), rows = _hang(random, mount, sun), []
             for band, (wavelength_nm, canopy, panel) in INDEXED.items():
                 r = wavelength_nm / 650.0
                 odds = 0.05 * r**-4 + haze * r**-1.3
                 diffuse = odds / (1 + odds)
-                light = (1 - diffuse) * cosine * _pass(cosine) / _pass(1.0) / math.sin(height) + diffuse
+                light = (1 - diffuse) * direct / math.sin(height) + diffuse
                 lit = (1 - diffuse) * float(facing @ sun) / math.sin(height) + diffuse
                 true = panel * (1 + 0.01 * random.standard_normal()) if role == "panel" else canopy
                 sensor = SunshineIrradiance(
                     irradiance_w_m2_nm=light * (1 + noise * random.standard_normal()),
-                    quantity="spectral", unit_origin="tag", yaw_deg=math.degrees(yaw), **stated,
+                    quantity="spectral", unit_origin="tag", **stated,
                 )  # fmt: skip
                 features = dataclasses.replace(SHOT.features, band=band, i_sq=true * lit, gradient_rel=0.0)
                 row = dataclasses.replace(

@@ -201,15 +201,14 @@ def correct_stray_light(
     if mean_cd_m2 is None:
         return FieldCorrection(source=STRAY), unknown
     glare, of_mean = field.glare_share, f"of the frame's mean of {mean_cd_m2:.4g} cd/m2"
-    found = FieldCorrection(
-        source=STRAY,
-        u_cd_m2=_UNKNOWN_GLARE * abs(mean_cd_m2),
-        basis=f"assumed: glare of up to {_USUAL_GLARE:.0%} {of_mean}",
-        assumed=True,
-        values={"glare_share": [0.0, _USUAL_GLARE], "frame_mean_cd_m2": mean_cd_m2},
-    )
     if glare is None:
-        return found, unknown
+        return FieldCorrection(
+            source=STRAY,
+            u_cd_m2=_UNKNOWN_GLARE * abs(mean_cd_m2),
+            basis=f"assumed: glare of up to {_USUAL_GLARE:.0%} {of_mean}",
+            assumed=True,
+            values={"glare_share": [0.0, _USUAL_GLARE], "frame_mean_cd_m2": mean_cd_m2},
+        ), unknown
     return FieldCorrection(
         source=STRAY,
         offset_cd_m2=glare * mean_cd_m2,

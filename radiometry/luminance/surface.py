@@ -42,6 +42,7 @@ _DRAWS: Final = 500
 _SEED: Final = 0
 _SCALES: Final = (1.2, 1.5)
 _POWER: Final = 1.2
+_FEWEST: Final = 6  # cells, of which the scatter shows whether one lies apart
 
 LEAST_CELL_PX = 4.0  # width of a cell below which the lens's blur and the rim's half pixels are much of it
 
@@ -255,12 +256,11 @@ def judge_uniformity(
         u^2 = sum_i (g_i n_i)^2 + sum_k (sum_i g_i e_ki)^2
             + sum_l max((sum_i g_i e_li)^2, sum_i (g_i e_li)^2)
 
-    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i. A ratio does not change with scale,
-    sum_i g_i L_i = 0, so such a source cancels automatically. The dark signal, which is subtracted, does not:
-    it has more weight in a dark cell. A local source l is one of which it is not known whether all cells have
-    its error: flicker, as lamps hang on three phases and a rolling shutter exposes rows one after the other.
-    It is taken as what errs more, so that it neither averages nor cancels. Extremes are those without noise,
-    which has a gradient of its own (see `_find_extreme`).
+    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i and cancels in a ratio: sum_i g_i L_i =
+    0. The dark signal, which is subtracted, does not. Of a local source l it is not known whether all cells
+    have its error: flicker, as lamps hang on three phases and a rolling shutter exposes row by row. The
+    larger counts, so that it neither averages nor cancels. Extremes are those without noise, which has a
+    gradient of its own (see `_find_extreme`).
 
     [1] EN 13201-3:2015 (U_o, U_l)
     [2] JCGM 100:2008, 5.1.2, and 5.2.2 for what is shared, doi:10.59161/JCGM100-2008E
@@ -287,16 +287,16 @@ def judge_uniformity(
     )
 
 
-def _add_noise(cells: Cells) -> list[Array]:
-    """Draw the cells (draws, rows, columns) with more noise, for each of `_SCALES`."""
+def _add_noise(cells: Cells) -> Array:
+    """Draw the cells with more noise (scales, draws, rows, columns), for each of `_SCALES`."""
     draws = _DRAWS // 2 if cells.noise_cd_m2.any() else 1
     half = np.random.default_rng(_SEED).standard_normal((draws, *cells.values_cd_m2.shape))
     errors = cells.noise_cd_m2 * np.concatenate([half, -half])
-    return [cells.values_cd_m2 + math.sqrt(scale**2 - 1.0) * errors for scale in _SCALES]
+    return np.stack([cells.values_cd_m2 + math.sqrt(scale**2 - 1.0) * errors for scale in _SCALES])
 
 
 def _find_extreme(
-    cells: Cells, noisier: Sequence[Array], *, sign: float, row: int | None = None
+    cells: Cells, noisier: Array, *, sign: float, row: int | None = None
 ) -> tuple[float, Array]:
     """Return the smallest (sign -1) or largest cell of the surface or a row without noise, and its gradients.
 
@@ -305,30 +305,49 @@ def _find_extreme(
 
         m(0) = m(1.2) + (m(1.2) - m(1.5)) 1.2^p / (1.5^p - 1.2^p),   p = 1.2
 
-    p is 1 for equal cells and grows as fewer cells compete; one that lies apart stays as it is. The second
-    gradient is that of m(0) in the noise: how often each cell is the smallest. The first, for what is shared,
-    is that of the cell that was measured as the smallest.
+    p is 1 for equal cells and grows as fewer cells compete. With the probability P that the smallest lies
+    apart it stays as it is. The second gradient is that in the noise: how often each cell is the smallest,
+    and P (1 - P) of the difference squared. The first, for what is shared, is that of the smallest measured.
 
     [1] J. Cook, L. Stefanski, J. Am. Stat. Assoc. 89, 1314 (1994): simulation and extrapolation,
     doi:10.1080/01621459.1994.10476871
     """
     near, far = (scale**_POWER for scale in _SCALES)
-    share = near / (far - near)
     lines = slice(None) if row is None else slice(row, row + 1)
-    measured = cells.values_cd_m2[lines]
-    means, chances = [], []
-    for drawn in noisier:
-        each = drawn[:, lines].reshape(len(drawn), -1)
-        chosen = (sign * each).argmax(axis=1)
-        means.append(float(each[np.arange(len(each)), chosen].mean()))
-        chances.append(np.bincount(chosen, minlength=measured.size).reshape(measured.shape) / len(each))
-    value = means[0] + share * (means[0] - means[1])
-    value = sign * max(sign * value, sign * float(measured.mean()))
+    seen, noise = (sign * cells.values_cd_m2[lines]).ravel(), cells.noise_cd_m2[lines].ravel()
+    each = sign * noisier[:, :, lines].reshape(len(_SCALES), -1, seen.size)
+    best = each.max(axis=2)
+    value, chances = (
+        less + near / (far - near) * (less - more)
+        for less, more in (best.mean(axis=1), (each == best[..., None]).mean(axis=1))
+    )
+    at, apart = int(seen.argmax()), _judge_apart(seen, noise)
+    value = max(float(value), float(seen.mean()))
+    left = float(seen[at]) - value
+    value += apart * left
+    weights = np.stack([np.zeros(seen.size), (1.0 - apart) * chances])
+    weights[0, at] = value / seen[at] if seen[at] else 1.0
+    doubt = math.sqrt(apart * (1.0 - apart)) * left / (noise[at] or 1.0)
+    weights[1, at] = math.hypot(weights[1, at] + apart, doubt)
     gradients = np.zeros((2, *cells.values_cd_m2.shape))
-    seen = np.unravel_index(int((sign * measured).argmax()), measured.shape)
-    gradients[0, lines][seen] = value / float(measured[seen]) if measured[seen] else 1.0
-    gradients[1, lines] = chances[0] + share * (chances[0] - chances[1])
-    return value, gradients
+    gradients[:, lines] = weights.reshape(2, -1, gradients.shape[2])
+    return sign * value, gradients
+
+
+def _judge_apart(values: Array, noise: Array) -> float:
+    """Return the probability that the largest of n values lies apart, and the next does not.
+
+    Any of n may: the odds are exp(z^2 / 2) / n, z standard deviations above the mean of those below it.
+    """
+    if values.size < _FEWEST:
+        return 0.0
+    ordered, chances = np.sort(values), []
+    for last in (-1, -2):
+        below = ordered[:last]
+        variance = max(float(below.var(ddof=1)), float(np.mean(noise**2))) or 1.0
+        odds = math.exp(-0.5 * float(ordered[last] - below.mean()) ** 2 / variance)
+        chances.append(1.0 / (1.0 + values.size * odds))
+    return chances[0] * (1.0 - chances[1])
 
 
 def _ratio(cells: Cells, above: tuple[float, Array], below: tuple[float, Array]) -> Quantity | None:
@@ -503,16 +522,16 @@ def measure_surface(
 
 def _summarise_cells(applied: Sequence[Sequence[AppliedLuminance]]) -> tuple[Raised, ...]:
     """Count the cells to which a flag applies, and name the first."""
-    found: dict[str, list[str]] = {finding.code: [] for finding in _OF_CELLS}
-    for row, line in enumerate(applied):
-        for col, one in enumerate(line):
-            for raised in one.flags:
-                if raised.flag in found:
-                    found[raised.flag].append(f"row {row + 1}, column {col + 1}")
+    found = [
+        (raised.flag, f"row {row}, column {col}")
+        for row, line in enumerate(applied, 1)
+        for col, one in enumerate(line, 1)
+        for raised in one.flags
+    ]
     return tuple(
         finding.at("grid", f"{what}: {len(cells)} of the cells, the first in {cells[0]}.")
         for finding, what in _OF_CELLS.items()
-        if (cells := found[finding.code])
+        if (cells := [place for flag, place in found if flag == finding.code])
     )
 
 

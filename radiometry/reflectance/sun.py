@@ -145,15 +145,6 @@ class Tilt(Record):
         return self.by_zone or (self.sun,)
 
 
-def require_high_sun(sun: SunPosition) -> None:
-    """Refuse a sun under 10 degrees: there the correction is mostly the attitude's error."""
-    if sun.elevation_deg < LOWEST_SUN_DEG:
-        raise codes.TILT_NOT_CORRECTABLE.reject(
-            f"The sun stands at {sun.elevation_deg:.1f} degrees: under {LOWEST_SUN_DEG:g} the tilt of the "
-            "sunshine sensor cannot be corrected. Fly when it is higher."
-        )
-
-
 def transmit(angle_deg: float, *, refractive_index: float) -> float:
     """Compute the fraction of unpolarised light that enters a diffuser at an angle.
 
@@ -217,8 +208,7 @@ def level_factor(angle_deg: float, tilt: Tilt) -> float:
 
     [1] J. A. Duffie, W. A. Beckman, Solar Engineering of Thermal Processes, 2.15 (isotropic sky)
     """
-    zenith_deg = 90.0 - tilt.sun.elevation_deg
-    return 1.0 / _respond(angle_deg, zenith_deg, tilt.params, tilt.params.diffuse_share)
+    return 1.0 / _respond(angle_deg, tilt.sun, tilt.params)
 
 
 def level_attitudes(attitudes: Sequence[Angles], tilt: Tilt) -> list[float]:
@@ -226,14 +216,9 @@ def level_attitudes(attitudes: Sequence[Angles], tilt: Tilt) -> list[float]:
     return [
         statistics.fmean(
             -math.log(
-                _respond(
-                    min(90.0, sun_angle_deg(sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)),
-                    90.0 - sun.elevation_deg,
-                    tilt.params,
-                    tilt.params.diffuse_share,
-                )
+                _respond(min(90.0, sun_angle_deg(sun, yaw_deg=y, pitch_deg=p, roll_deg=r)), sun, tilt.params)
             )
-            for yaw, pitch, roll in attitudes
+            for y, p, r in attitudes
         )
         for sun in tilt.suns
     ]
@@ -253,23 +238,17 @@ def list_level_effects(attitudes: Sequence[Angles], tilt: Tilt) -> tuple[float, 
     zones = (
         [(each - mean) / math.sqrt(len(found)) for each in found] if tilt.by_zone else [0.0] * len(_ZONES_H)
     )
-
-    def change(low: Sequence[Angles], high: Sequence[Angles]) -> float:
-        return 0.5 * (
-            statistics.fmean(level_attitudes(high, tilt)) - statistics.fmean(level_attitudes(low, tilt))
-        )
-
     share, u_deg = tilt.params.diffuse_share, tilt.params.attitude_u_deg * math.sqrt(1.0 - UNSHARED**2)
-    ends = [min(1.0, max(0.0, share + step)) for step in (-0.01, 0.01)]
-    by_share = [
-        statistics.fmean(
-            level_attitudes(attitudes, replace(tilt, params=replace(tilt.params, diffuse_share=end)))
-        )
-        for end in ends
-    ]
-    diffuse = (by_share[1] - by_share[0]) / (ends[1] - ends[0]) * tilt.params.diffuse_share_u
-    pitch = change(*([(y, p + step, r) for y, p, r in attitudes] for step in (-u_deg, u_deg)))
-    roll = change(*([(y, p, r + step) for y, p, r in attitudes] for step in (-u_deg, u_deg)))
+
+    def level(*, pitch_deg: float = 0.0, roll_deg: float = 0.0, share: float = share) -> float:
+        turned = [(yaw, pitch + pitch_deg, roll + roll_deg) for yaw, pitch, roll in attitudes]
+        assumed = replace(tilt, params=replace(tilt.params, diffuse_share=share))
+        return statistics.fmean(level_attitudes(turned, assumed))
+
+    low, high = max(0.0, share - 0.01), min(1.0, share + 0.01)
+    diffuse = (level(share=high) - level(share=low)) / (high - low) * tilt.params.diffuse_share_u
+    pitch = 0.5 * (level(pitch_deg=u_deg) - level(pitch_deg=-u_deg))
+    roll = 0.5 * (level(roll_deg=u_deg) - level(roll_deg=-u_deg))
     return (*zones, diffuse, pitch, roll)
 
 
@@ -280,17 +259,17 @@ def take_away(u: float, parts: Sequence[float]) -> float:
 
 def attitude_u_rel(angle_deg: float, tilt: Tilt, *, u_deg: float) -> float:
     """Compute the relative standard uncertainty of a reading from that of its attitude."""
-    zenith_deg, share = 90.0 - tilt.sun.elevation_deg, tilt.params.diffuse_share
     low, middle, high = (
-        _respond(angle, zenith_deg, tilt.params, share)
+        _respond(angle, tilt.sun, tilt.params)
         for angle in (abs(angle_deg - u_deg), angle_deg, min(90.0, angle_deg + u_deg))
     )
     return math.hypot((high - low) / 2.0, (high + low) / 2.0 - middle) / middle
 
 
-def _respond(angle_deg: float, zenith_deg: float, params: TiltParams, share: float) -> float:
+def _respond(angle_deg: float, sun: SunPosition, params: TiltParams) -> float:
     direct = math.cos(math.radians(angle_deg)) * transmit(angle_deg, refractive_index=params.refractive_index)
-    return (1.0 - share) * direct / math.cos(math.radians(zenith_deg)) + share
+    level, share = math.cos(math.radians(90.0 - sun.elevation_deg)), params.diffuse_share
+    return (1.0 - share) * direct / level + share
 
 
 def read_clock(header: FrameHeader) -> datetime | None:
@@ -348,7 +327,11 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
             "The file does not state when and where it was taken (no GPS fix): the sun is not located."
         )
     sun = suns[len(suns) // 2]
-    require_high_sun(sun)
+    if sun.elevation_deg < LOWEST_SUN_DEG:  # the correction is mostly the attitude's error
+        raise codes.TILT_NOT_CORRECTABLE.reject(
+            f"The sun stands at {sun.elevation_deg:.1f} degrees: under {LOWEST_SUN_DEG:g} the tilt of the "
+            "sunshine sensor cannot be corrected. Fly when it is higher."
+        )
     high = [replace(each, elevation_deg=max(each.elevation_deg, LOWEST_SUN_DEG)) for each in suns]
     return Tilt(sun=sun, params=params, by_zone=tuple(high) if len(suns) > 1 else ())
 

@@ -1,6 +1,7 @@
 """A lit surface: cells in perspective, and figures whose shared errors cancel only where they do."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from radiometry.findings import InputRejected
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Window, mask
+from radiometry.luminance import surface
 from radiometry.luminance.surface import Cells, judge_uniformity, lay_grid, outline
 
 ROAD = [[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]]
@@ -82,6 +84,20 @@ def test_a_dark_cell_that_lies_apart_stays_as_it_is_read():
     noisy = lone * (1 + 0.05 * np.random.default_rng(3).standard_normal(lone.shape))
     found = judge_uniformity(cells_of(noisy, noise=0.05 * noisy))
     assert found.l_min_cd_m2.value == pytest.approx(noisy[3, 4], rel=0.005)
+
+
+def test_a_cell_that_may_lie_apart_is_read_with_its_odds(monkeypatch):
+    """Of 25 cells one is 0.15 dark, the others +-0.05: odds exp(z^2 / 2) / 25, unless the next does too."""
+    cells = cells_of(np.reshape([0.85, *[0.95, 1.05] * 12], (5, 5)), noise=0.05)
+    found = judge_uniformity(cells).l_min_cd_m2
+    monkeypatch.setattr(surface, "_FEWEST", 26)
+    crowd = judge_uniformity(cells).l_min_cd_m2
+    first = 1.0 / (1.0 + 25.0 * math.exp(-0.5 * 0.15**2 / (0.05**2 * 24 / 23)))
+    z2 = (1.0 + 1 / 23) ** 2 / ((1.0 - 1 / 23**2) * 23 / 22)
+    apart, left = first * (1.0 - 1.0 / (1.0 + 25.0 * math.exp(-0.5 * z2))), 0.85 - crowd.value
+    assert found.value == pytest.approx(crowd.value + apart * left)
+    between = apart * (1.0 - apart) * left**2
+    assert between < found.standard_uncertainty**2 < crowd.standard_uncertainty**2 + between + 0.05**2
 
 
 def test_ratios_over_nothing_are_left_out():
