@@ -16,6 +16,7 @@ from stilb.records import Job
 _PASSING = frozenset({429, 502, 503, 504})
 
 UNREACHABLE = "unreachable"
+DAMAGED = "digest_mismatch"  # a file arrived otherwise than it was announced
 _Found = TypeVar("_Found")
 
 

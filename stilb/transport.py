@@ -182,7 +182,8 @@ class Transport:
             try:
                 return once(call, headers)
             except problem.Problem as found:
-                given_up = found.code == problem.UNREACHABLE and not call.repeated_if_cut
+                is_cut = found.code in {problem.UNREACHABLE, problem.DAMAGED}
+                given_up = is_cut and not call.repeated_if_cut
                 if given_up or not (self.retries and repeatable and found.retryable):
                     raise
                 if time.monotonic() >= paused_until:

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, Required, TypedDict, TypeVar
 from urllib.parse import urlsplit
 
-from stilb.problem import UNREACHABLE, Problem
+from stilb.problem import DAMAGED, UNREACHABLE, Problem
 from stilb.records import Frame, Polygon
-from stilb.transport import Call, PathLike, Transport, address
+from stilb.transport import Call, PathLike, Transport, address, hash_file
 
 WHOLE_BYTES = 1 << 20  # a smaller file goes in one request; only if that is cut it is sent as what can go on
 _AT_ONCE = 2
@@ -203,13 +203,13 @@ def send_file(transport: Transport, upload: Upload, count: Count) -> Frame:
 
 
 def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, Any] | None:
-    """Send a small file in one request; None for a large one, and where the connection was cut."""
+    """Send a small file in one request; None for a large one, and where it did not arrive, or not whole."""
     if size_bytes >= WHOLE_BYTES:
         return None
     try:
         return transport.json(call)
     except Problem as problem:
-        if problem.code != UNREACHABLE:
+        if problem.code not in {UNREACHABLE, DAMAGED}:
             raise
         transport.pause(0, problem)
     return None
@@ -227,7 +227,7 @@ def _send_resumably(
     begin = {**_TUS, "Upload-Length": str(size_bytes), "Upload-Metadata": metadata, "Idempotency-Key": named}
     told = transport.send(Call(method="POST", path=address("uploads"), headers=begin)).headers
     place = urlsplit(told["Location"]).path
-    tried, most = 0, _LARGEST_PIECE_BYTES
+    tried, damaged, most = 0, 0, _LARGEST_PIECE_BYTES
     while "Content-Location" not in told:
         offset = int(told["Upload-Offset"])
         length = min(most, size_bytes - offset)
@@ -239,12 +239,15 @@ def _send_resumably(
         except Problem as problem:
             if not problem.retryable:
                 raise
+            if problem.code == DAMAGED and hash_file(path) != sha256:
+                raise OSError(f"{path} is still being written: push again when it is complete") from problem
+            damaged += problem.code == DAMAGED
             told = transport.send(Call(method="HEAD", path=place, headers=_TUS)).headers
             if int(told["Upload-Offset"]) > offset:
                 tried = 0
             else:
                 tried, most = tried + 1, max(length // 4, _SMALLEST_PIECE_BYTES)
-            if tried > transport.retries:
+            if max(tried, damaged) > transport.retries:
                 raise
             # it has answered: it is back, and it is the line that breaks
             transport.pause(min(tried, _LONGEST_BACKOFF), problem)

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from stilb.commands.output import Exit, Output, command, complete_campaign, complete_role, config_folder
 from stilb.commands.receipt import write_receipt
-from stilb.commands.terminal import lines, showing, table, tell_retry
+from stilb.commands.terminal import lines, name_some, showing, table, tell_retry
 from stilb.field.files import ANY_RULES, NIGHT_RULES, ROLES, FieldFile, Rule, place_files, quote, sort_files
 from stilb.field.plan import FILENAME, find_planned, read_plan
 from stilb.field.push import Journal, Report, Told, Watch, as_json, push_files
@@ -100,7 +100,8 @@ def _preview(
         left_out += unread
     rows = [{"name": file.name, "role": file.role, "scene": file.scene or ""} for file in files]
     shown = table(("file", "role", "scene"), [tuple(row.values()) for row in rows])
-    return {"files": rows, "left_out": left_out}, shown, "nothing was sent"
+    out = f"left out: {name_some(left_out, 'files')}; " if left_out else ""
+    return {"files": rows, "left_out": left_out}, shown, f"{out}nothing was sent"
 
 
 def _list_files(

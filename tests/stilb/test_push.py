@@ -103,6 +103,8 @@ def test_flat_card_is_sorted_as_the_page_sorts_it(signed_in, campaign, tmp_path,
         shown = signed_in("push", folder, *named, "--dry-run", "--json").json
         roles = [(each["role"], each["scene"]) for each in shown["files"]]
         assert roles == [("light", "Scene 1")] * 4 + [("light", "Scene 2")] * 2 + [("dark", "")] * 2
+    (planned / "cut.DNG").write_bytes(b"")
+    assert signed_in("push", planned, "--dry-run").out.endswith("left out: cut.DNG; nothing was sent\n")
     assert f"stilb campaign run '{planned}'" in signed_in("push", planned).err
     shutil.rmtree(planned)
     assert list(team.client.frames(campaign.id)) == []

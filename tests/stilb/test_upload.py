@@ -216,6 +216,20 @@ def test_a_large_frame_names_its_job_also_when_it_is_sent_again(team, tmp_path):
     assert [job.id for job in team.client.jobs(subject=frame.id)] == [frame.job_id]
 
 
+@pytest.mark.parametrize("shape", [(64, 96), (1000, 600)], ids=["small", "large"])
+def test_a_file_that_has_grown_since_it_was_hashed_is_named_and_not_sent_for_ever(team, tmp_path, shape):
+    path = write_frame(tmp_path / "grows.DNG", shape=shape)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    path.write_bytes(path.read_bytes() + b"more")
+    grown = stilb.Upload(campaign_id=team.campaign().id, path=path, role="light", sha256=sha256)
+    told = []
+    with stilb.Client(team.url, team.key, backoff_s=0.01, on_retry=lambda *said: told.append(said)) as client:
+        (error,) = client.push_each([grown])
+    assert isinstance(error, OSError)
+    assert "grows.DNG is still being written: push again when it is complete" in str(error)
+    assert len(told) <= 1
+
+
 def test_one_file_that_cannot_be_sent_does_not_keep_the_others(service, client, dng, tmp_path):
     service.will_refuse(422, "unsupported")
     service.will_answer(FRAME, status=201)
