@@ -129,7 +129,7 @@ export class RegionEditor extends EventTarget {
 
   undo() {
     if (!this.past.length) return;
-    [this.regions, this.active] = JSON.parse(this.past.pop());
+    [[this.regions, this.active], this.dirty] = [JSON.parse(this.past.pop()), this.past.length > 0];
     this.tell(true);
   }
 }

@@ -2,7 +2,7 @@
 
 import { all, get, getOr, patch, runJob } from "../api.js";
 import { ask } from "../ask.js";
-import { act, byId, empty, fill, h, leave, load, may, table, toast } from "../dom.js";
+import { act, byId, empty, fill, h, leave, load, may, table, toast, wrong } from "../dom.js";
 import { ago, counted, groupBy, number, quantity, tag, time } from "../format.js";
 import { measurementTable } from "../measurement/words.js";
 import { coefficientLabel, headlineOf } from "../methods.js";
@@ -111,8 +111,7 @@ function signature(list, change) {
 
 function calibrateSection(state) {
   const versions = h("div");
-  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => ((state.fitted = found), state.tell("fitted"), found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
-  show();
+  load(versions, () => all(`${state.path}/calibrations`), (found) => ((state.fitted = found), state.tell("fitted"), found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state) : null, versions);
 }
 
@@ -131,6 +130,7 @@ function starter(state) {
   for (const name of ["campaign", "sending"]) state.on(name, draw);
   draw();
   const start = async () => {
+    if (state.isDrawing) throw wrong("The region that was drawn is not used yet: use it for all frames, or undo it.");
     // readings that are typed one after another are stored in turn
     await state.book?.turn;
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);

@@ -73,7 +73,7 @@ function build(state, drawable) {
   function settled() {
     parts.hidden = !state.method.several_regions && editor.regions.length < 2;
     undo.disabled = editor.past.length === 0;
-    saving.classList.toggle("dirty", editor.dirty);
+    saving.classList.toggle("dirty", (state.isDrawing = editor.dirty));
     if (seen) look.look(frame, editor.region);
   }
 
@@ -160,7 +160,7 @@ function savePart(state, editor, frameOf) {
     return { regions: drawn.map((region, index) => ({ name: region.name || `part-${index + 1}`, polygon: region.points })) };
   };
   const saved = async (text) => {
-    editor.dirty = false;
+    Object.assign(editor, { dirty: false, past: [] });
     editor.tell(true);
     toast(text);
     await state.touch();
