@@ -14,21 +14,9 @@ from service.documents.dcc import write_dcc
 from service.documents.rendered import render_apart
 from service.documents.schemas import CertificateAnswer, list_gaps
 from tests.support.campaigns import calibrate
-from tests.support.certificates import (
-    certificate_of,
-    check_frames,
-    find_misprints,
-    leaves,
-    read_pages,
-)
+from tests.support.certificates import certificate_of, check_frames, find_misprints, leaves, read_pages
 from tests.support.dcc import read_dcc
-from tests.support.every_method import (
-    BOARD,
-    PANEL_REFLECTANCE,
-    PANEL_U,
-    make_version,
-    register_panel,
-)
+from tests.support.every_method import BOARD, PANEL_REFLECTANCE, PANEL_U, make_version, register_panel
 from tests.support.frames import empty_lower_half
 from tests.support.press import COMMAND
 

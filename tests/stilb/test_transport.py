@@ -103,6 +103,7 @@ def test_retry_after_may_be_a_date_and_what_means_nothing_is_ignored():
 
     later = format_datetime(datetime.now(UTC) + timedelta(seconds=30), usegmt=True)
     assert read(later) == pytest.approx(30, abs=2)
+    assert read("Sun, 01 Mar 2026 12:00:00 GMT") == 0.0
     assert [read(value) for value in ("soon", "-3", "")] == [None] * 3
 
 
@@ -114,15 +115,9 @@ def test_nobody_listening_is_a_problem_too_and_so_is_no_address():
         with stilb.Client(url, "k", **settings) as client, pytest.raises(stilb.Problem) as found:
             client.camera("cam-1")
     assert (found.value.status, found.value.code, found.value.retryable) == (0, "unreachable", True)
-    for no_address in (
-        "127.0.0.1:8000",
-        "ftp://127.0.0.1",
-        "http://[::1",
-        "http://calib.example:80O0",
-        "http://",
-    ):
+    for wrong in ("127.0.0.1:8000", "ftp://127.0.0.1", "http://[::1", "http://calib.example:80O0", "http://"):
         with pytest.raises(stilb.Unclear, match="is not an address"):
-            stilb.Client(no_address, "k")
+            stilb.Client(wrong, "k")
 
 
 def test_a_list_is_read_page_after_page(service, client):

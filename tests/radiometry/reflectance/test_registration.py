@@ -55,6 +55,14 @@ def test_noise_and_bare_ground_are_not_trusted():
         assert found.patches <= 0.05 * max(found.tried, 1)
 
 
+def test_patches_on_one_side_give_a_shift_and_no_turn_of_the_rest():
+    ground = make_ground(1)
+    ground[:, 240:] = 0.2
+    found = register(ground, displace(ground, np.array([[1.002, 0.0, 3.3], [0.0, 1.002, -5.6]])))
+    assert found.trusted
+    assert (found.matrix[:2], found.matrix[3:5]) == ((1.0, 0.0), (0.0, 1.0))
+
+
 def read(name):
     path = data_file(name)
     header = reader.read_header(path)
