@@ -6,12 +6,7 @@ from store import impact as recalls
 from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import calibrate
 from tests.support.measuring import field_frame, measure
-from tests.support.meters import (
-    CERTIFICATE,
-    METER,
-    enter_meter,
-    metered_campaign,
-)
+from tests.support.meters import CERTIFICATE, METER, enter_meter, metered_campaign
 
 pytestmark = pytest.mark.either_database
 

@@ -293,6 +293,19 @@ def test_stars_have_their_own_figures():
     assert len(position.curves) == 9
     assert len(position.directions) == 8
     assert position.curves[0].direction_deg is None
+    # a second frame with every other ring: its curve is read off at the frequencies of the first
+    (region,) = features.regions
+    (response,) = region.stars
+    whole, *sectors = (
+        replace(each, contrast=each.contrast[::2], contrast_u=each.contrast_u[::2])
+        for each in (response.whole, *response.sectors)
+    )
+    other = replace(response, frequency=response.frequency[::2], whole=whole, sectors=tuple(sectors))
+    again = replace(features, regions=(replace(region, stars=(other,)),))
+    (both,) = sharpness.fit([row("a", features), row("b", again)], Params(star_contrast=0.2)).positions
+    for curve, merged in zip(position.curves, both.curves, strict=True):
+        assert merged.response[::2] == pytest.approx(curve.response[::2])
+        assert merged.response_u[::2] == pytest.approx(np.array(curve.response_u[::2]) / math.sqrt(2))
 
 
 # --- on site
