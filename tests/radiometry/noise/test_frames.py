@@ -82,6 +82,8 @@ def test_a_plan_names_what_would_make_the_fit_good():
         "ISO 100: add dark frames of one setting up to 16 for the DSNU",
         "ISO 100: add frames about half of white of one setting up to 16 for the PRNU",
     )
+    two_times = take(SMALL, 22, times=TIMES[:4], dark_times=(0.02, 2.0))
+    assert verdicts.plan(two_times, PARAMS) == (*few[:3], *few[4:])
     lights = [row for row in take(SMALL, 23) if row.role == "flat"]
     assert verdicts.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
 
