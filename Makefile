@@ -93,7 +93,7 @@ format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .
 
 coverage: export OPENBLAS_NUM_THREADS = 1
-coverage: $(VENV)/dev  ## how often intervals hold the truth, regime by regime, in fourteen minutes (ARGS='--only "mean of"')
+coverage: $(VENV)/dev  ## how often intervals hold the truth, regime by regime, in fifteen minutes (ARGS='--only "mean of"')
 	@python -m tests.regimes $(ARGS)
 
 fuzz: $(VENV)/dev  ## damaged files through the decoder, for SECONDS=60: nothing wrong may be accepted unseen
