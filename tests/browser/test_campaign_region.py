@@ -129,6 +129,19 @@ def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     expect(page.get_by_role("row", name="grey")).to_contain_text("%")
 
 
+def test_charts_that_were_refused_for_their_region_ask_for_another_once(page, team, service, frame):
+    target = {"kind": "slanted_edge"}
+    campaign_id = open_region(page, team, service, frame, method="sharpness", target=target)
+    team.client.set_roi(campaign_id, polygon=[(10, 10), (60, 10), (60, 50), (10, 50)])
+    team.client.wait_for(campaign_id)
+    page.goto(f"/campaigns/{campaign_id}")
+    settle(page)
+    before = page.locator("#before")
+    expect(before.get_by_text("1 frame refused")).to_be_visible()
+    expect(before).not_to_contain_text("not usable")
+    expect(before.get_by_role("link", name="Draw region")).to_have_attribute("href", "#region")
+
+
 def test_the_wheel_zooms_and_a_drag_moves_a_corner(page, team, service, frame):
     open_region(page, team, service, frame)
     page.get_by_role("button", name="Rectangle").click()

@@ -245,6 +245,7 @@ def test_a_road_is_stated_by_hand_with_marks_on_its_picture(road_page):
     page.get_by_role("button", name="Register").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Mill Road")
     settle(page)
+    expect(page.locator("#flags")).to_have_text("No flags yet")
     page.get_by_role("button", name="Add a frame…").click()
     adds = page.get_by_role("dialog").get_by_role("button", name="Add", exact=True).first
     expect(adds).to_be_visible()

@@ -82,7 +82,7 @@ export function readinessOf(campaign, sending) {
 /** The list before a fit: what was refused, what is needed, and what would improve it; the panel and the meter are asked for. */
 export function beforeTheFit(campaign, title, { refused, sending, dialogs }) {
   const line = ({ mark, title: said, where, part, button }) => ({ mark, title: said, where, tag: mark === "warn" ? h("span", { class: "tag warn" }, "needed") : null, actions: may(part === "frames" ? "upload" : "calibrate") ? [dialogs[part] ? small(button, dialogs[part]) : smallLink(button, `#${part}`)] : [] });
-  const lines = [...refused, ...causesOf(campaign, "", sending).map(line)];
+  const lines = [...refused, ...causesOf(campaign, "", sending).filter(({ title: said }) => !refused.some(({ detail }) => detail && said.includes(detail.replace(/\.$/, "")))).map(line)];
   if (!lines.length) return null;
   return h("section", { id: "before", class: "tight", "aria-labelledby": "before-head" },
     h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, lines.some(({ mark }) => mark !== "gap") ? "" : "Nothing is needed; these lines would improve it")),

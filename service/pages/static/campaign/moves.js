@@ -1,7 +1,7 @@
 // Frames that are moved, left out, withdrawn and restored; each change can be undone.
 
 import { ask, readNumber } from "../ask.js";
-import { small } from "../causes.js";
+import { small, smallLink } from "../causes.js";
 import { act, done, h, may, wrong } from "../dom.js";
 import { counted, groupBy, typeset } from "../format.js";
 import { roleLabel, roleOptions } from "../methods.js";
@@ -93,7 +93,7 @@ const isUnlike = ({ code, outcome }) => code === "format_differs" && outcome ===
 export function refusedCauses(state) {
   return [...groupBy(state.frames.filter((frame) => frame.refusal_code || isUnlike(frame)), (frame) => frame.refusal_code ?? frame.detail)].map(([code, some]) => {
     const named = some.slice(0, MOST_NAMED).map((frame) => frame.filename).join(", ");
-    return { mark: "bad", title: `${counted(some.length, "frame")} ${isUnlike(some[0]) ? "of another image size" : "refused"}`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
+    return { mark: "bad", detail: some[0].detail ?? "", title: `${counted(some.length, "frame")} ${isUnlike(some[0]) ? "of another image size" : "refused"}`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
   });
 }
 
@@ -104,7 +104,7 @@ export function mendButtons(state, code, frames) {
   const enter = small("Enter exposure…", doing(() => askExposure(state, ids)));
   const camera = small("Change camera…", doing(() => changeDetails(state)));
   return [
-    ...({ wrong_camera: [camera], exposure_missing: [enter], exposure_implausible: [enter] }[code] ?? []),
+    ...({ wrong_camera: [camera], exposure_missing: [enter], exposure_implausible: [enter] }[code] ?? (frames.every((frame) => frame.refusal_code && frame.thumbnail) ? [smallLink("Draw region", "#region")] : [])),
     small(frames.length > 1 ? "Withdraw all" : "Withdraw", doing(() => withdraw(state, ids)), { quiet: true }),
   ];
 }

@@ -41,7 +41,7 @@ async function show() {
     load(byId("verdict"), () => asked, drawVerdict),
     load(byId("points"), () => asked, drawPoints),
     load(byId("grid"), () => asked, (result) => (result ? drawGrid(result) : empty("No figures yet", ""))),
-    load(byId("flags"), async () => (await asked)?.findings ?? [], drawFindings),
+    load(byId("flags"), () => asked, (result) => (result ? drawFindings(result.findings) : empty("No flags yet", ""))),
   ]);
   const result = await asked.catch(() => null);
   byId("answer").hidden = !result;
