@@ -3,7 +3,7 @@
 import { all, get, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { act, byId, empty, h, load, mark, table } from "../dom.js";
-import { inOrder, stateWords, time, words } from "../format.js";
+import { capital, inOrder, stateWords, time, words } from "../format.js";
 import { LANES } from "../measurement/surface.js";
 import { methodOf } from "../methods.js";
 
@@ -40,7 +40,7 @@ const SIZES = [
 
 const CONDITIONS = [
   { name: "surface", label: "Surface", options: [["dry", "Dry"], ["moist", "Moist"], ["wet", "Wet"], ["", "Not recorded"]], help: "A wet road mirrors its lamps: it is not evaluated." },
-  { name: "lamp_kind", label: "Lamps", options: [["", "Not recorded"], ...["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"].map((kind) => [kind, stateWords(kind)])], help: "Their flicker and spectrum enter the uncertainty." },
+  { name: "lamp_kind", label: "Lamps", options: [["", "Not recorded"], ...["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"].map((kind) => [kind, capital(stateWords(kind))])], help: "Their flicker and spectrum enter the uncertainty." },
   { name: "mains_frequency_hz", label: "Mains", options: [["", "Not recorded"], ["50", "50 Hz"], ["60", "60 Hz"]], help: "Exposure times without flicker follow from it." },
   { name: "power_w", label: "Power of one spacing [W]", type: "number", step: "any", help: "Of all its luminaires with their gear: for the power density." },
   { name: "remarks", label: "Remarks", help: "Age of the lamps, climate, other light: the report states them." },
