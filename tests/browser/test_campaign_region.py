@@ -115,8 +115,15 @@ def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     page.keyboard.press("Enter")
     page.evaluate("scrollTo(0, 0)")
     look(page, "campaign-parts")
+    fit = page.get_by_role("button", name="Fit", exact=True)
+    fit.click()
+    expect(page.locator(".act-failed")).to_contain_text("The region was changed here and is not used yet")
     page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
+    page.get_by_text("Change: slanted edge").click()
+    page.get_by_label("Tone curve to undo").select_option("sRGB images")
+    fit.click()
+    expect(page.locator(".act-failed")).to_contain_text("The target was changed here and is not used yet")
     parts = roi_of(team, campaign_id)["regions"]
     assert [part["name"] for part in parts] == ["centre", "corner"]
     assert parts[0]["polygon"] == [[29, 26], [58, 26], [58, 45], [29, 45]]

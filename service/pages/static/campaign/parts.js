@@ -130,7 +130,8 @@ function starter(state) {
   for (const name of ["campaign", "sending"]) state.on(name, draw);
   draw();
   const start = async () => {
-    if (state.isDrawing) throw wrong("The region that was drawn is not used yet: use it for all frames, or undo it.");
+    const unused = Object.entries(state.unused).find(([, isChanged]) => isChanged);
+    if (unused) throw wrong(`The ${unused[0]} was changed here and is not used yet: use it, or load the page again.`);
     // readings that are typed one after another are stored in turn
     await state.book?.turn;
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);

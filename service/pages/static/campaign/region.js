@@ -73,7 +73,7 @@ function build(state, drawable) {
   function settled() {
     parts.hidden = !state.method.several_regions && editor.regions.length < 2;
     undo.disabled = editor.past.length === 0;
-    saving.classList.toggle("dirty", (state.isDrawing = editor.dirty));
+    saving.classList.toggle("dirty", (state.unused.region = editor.dirty));
     if (seen) look.look(frame, editor.region);
   }
 

@@ -4,16 +4,14 @@ import { all, follow, get, getChanged, patch, pathOf } from "../api.js";
 import { askLast } from "../dom.js";
 import { counted, natural } from "../format.js";
 
-const FIRST = 200;
-const REST = 2000;
-const TOGETHER = 1000;
+const [FIRST, REST, TOGETHER] = [200, 2000, 1000];
 
 export const isRead = (frame) => ["read", "extracted"].includes(frame.state);
 
 export class CampaignState extends EventTarget {
   constructor(id, method) {
     super();
-    Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
+    Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null, unused: {} });
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
     this.pictures = new Pictures(this.path);
     // another page is shown in this document: what listens has gone

@@ -41,7 +41,7 @@ export function targetSection(state) {
     await patch(state.path, { target: read() });
     location.reload();
   };
-  const form = h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, say)) }, element, h("p", { class: "actions" }, button));
+  const form = h("form", { class: "card", oninput: () => (state.unused.target = true), onsubmit: (event) => (event.preventDefault(), act(button, say)) }, element, h("p", { class: "actions" }, button));
   return standing ? h("details", { class: "fold" }, h("summary", {}, `Change: ${words(standing.kind)}`), form) : form;
 }
 
