@@ -190,7 +190,7 @@ for (const name of ["pointerup", "pointercancel", "dragend"]) addEventListener(n
 /** Whether something in a place is pressed: replaced now, it would get no click. Unlike :active, this ends with a drag. */
 export const isPressed = (place) => pressed !== null && place.contains(pressed);
 
-/** Wait until nothing there is: a field that is left by a press has changed before the press ends. */
+/** Wait until nothing in a place is pressed: a field that is left by a press changes before the press ends. */
 export async function released(place) {
   while (isPressed(place)) await new Promise(requestAnimationFrame);
 }
