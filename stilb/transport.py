@@ -40,7 +40,6 @@ def read_version() -> str:
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
 _LOOK_EVERY_S = 1.0
-_SILENCE_S = 45.0  # of a stream, three heartbeats
 _PATIENCE_S = 600.0
 _FULL = frozenset({429, 507})  # too much at once, or no room left: the service says when to come back
 _AWAY = frozenset({0, 502, 504})  # no answer at all, or a gateway's in the service's place
@@ -217,33 +216,6 @@ class Transport:
             raise problem.Problem(status=status, code="unexpected_answer", detail=detail, retryable=False)
         return answer
 
-    def events(self, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield name and data of each server-sent event; a lost connection goes on after the last one."""
-        seen, attempt = "", 0
-        timeout = httpx.Timeout(self._timeout_s, read=_SILENCE_S)
-        while True:
-            code, status = problem.UNREACHABLE, 0
-            headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": seen} if seen else {})
-            try:
-                with self._http.stream("GET", path, headers=headers, timeout=timeout) as response:
-                    _require_success(response)
-                    for mark, name, data in _read_events(response.iter_lines()):
-                        if name == "end":
-                            code, status = data["code"], 503 if data["code"] != "unauthenticated" else 401
-                            break
-                        seen, attempt = mark, 0
-                        yield name, data
-                detail = "the key was revoked" if status == 401 else "the service ended the stream"
-                found = problem.Problem(status=status, code=code, detail=detail, retryable=status != 401)
-            except httpx.TransportError as error:
-                found = problem.from_transport(error)
-            except problem.Problem as refused:
-                found = refused
-            if not found.retryable or attempt >= self.retries:
-                raise found
-            self.pause(attempt, found)
-            attempt += 1
-
     def items(
         self, path: str, query: Query | None = None, *, member: str = "items"
     ) -> Iterator[dict[str, Any]]:
@@ -301,18 +273,6 @@ def _require_success(response: httpx.Response) -> None:
     if not response.is_success:
         response.read()
         raise problem.from_response(response)
-
-
-def _read_events(lines: Iterator[str]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield id, name and data of each server-sent event; comments and the pause to keep are left out."""
-    said: dict[str, str] = {}
-    for line in lines:
-        name, _, value = line.partition(": ")
-        said[name] = value
-        if not line:
-            if "data" in said:
-                yield said.get("id", ""), said["event"], json.loads(said["data"])
-            said = {}
 
 
 def _write_json(value: object) -> bytes:

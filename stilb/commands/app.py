@@ -41,7 +41,6 @@ _SECTIONS: Final = {
     ),
     "Jobs": (
         ("jobs", jobs.jobs, "stilb jobs --state failed"),
-        ("events", jobs.events, "stilb events P-17"),
         ("retry", jobs.retry, "stilb retry --state failed --code temporarily_unavailable"),
         ("dismiss", jobs.dismiss, "stilb dismiss --state failed --campaign P-17"),
         ("doctor", access.doctor, "stilb doctor"),

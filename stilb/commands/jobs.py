@@ -1,6 +1,5 @@
 """Jobs of the service."""
 
-import json
 from typing import Annotated
 
 import typer
@@ -38,26 +37,6 @@ def jobs(
     ]
     shown = table(("kind", "of", "state", "done", "job", "error"), rows)
     output.answer({"items": [each.raw for each in found]}, shown)
-
-
-@command
-def events(
-    output: Output,
-    followed: str = typer.Argument(..., metavar="JOB|CAMPAIGN", help="Id of a job, or a campaign."),
-) -> None:
-    """Print a line for each change, until the job ends.
-
-    A campaign is followed until Ctrl-C. With --json each line is one JSON document.
-    """
-    with output.client() as client:
-        if followed.startswith("job_"):
-            found = client.job_events(followed)
-        else:
-            found = client.campaign_events(client.find_campaign(followed).id)
-        for event in found:
-            typer.echo(json.dumps(event) if output.as_json else " ".join(map(str, event.values())))
-            if event.get("state") in _GIVEN_UP:
-                raise typer.Exit(Exit.FINDINGS)
 
 
 @command

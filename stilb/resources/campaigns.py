@@ -59,11 +59,6 @@ class Campaigns(Connection):
                 raise TimeoutError(f"{left} frames of {campaign_id} are not read after {timeout_s:g} s")
             time.sleep(_POLL_S)
 
-    def campaign_events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
-        """Yield ``id`` and ``revision`` of a campaign, as it is and after each change, without an end."""
-        for _, data in self._transport.events(f"{address('campaigns', campaign_id)}/events"):
-            yield data
-
     def campaigns(
         self,
         *,

@@ -128,13 +128,6 @@ class Jobs(transport.Connection):
         body = transport.without_none({"state": state, **chosen})
         return int(self._post(transport.address("jobs", "retry"), body)["retried"])
 
-    def job_events(self, job_id: str) -> Iterator[dict[str, Any]]:
-        """Yield ``id``, ``state``, ``progress`` and ``attempt`` of a job as they change, until it ends."""
-        for _, data in self._transport.events(f"{transport.address('jobs', job_id)}/events"):
-            yield data
-            if data["state"] not in {"queued", "running"}:
-                return
-
     def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: str | None) -> int:
         """Dismiss such jobs, or list them again; how many."""
         body = transport.without_none({"state": state, "dismissed": dismissed, **chosen})
