@@ -15,6 +15,7 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.specification.roles import Gap
 from radiometry.spectral.lamps import find_modulation
+from radiometry.spectral.mismatch import SPECTRAL_MISMATCH_UNKNOWN
 
 GOOD_SCENES = 5
 """Usable light levels per ISO value. The models have one or two parameters: five levels leave three degrees
@@ -190,7 +191,8 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     ]
     found += list_doubted(rows, readings, params, gravely=False)
     if params.camera_response is not None and params.lamp is None and params.lamp_kind is None:
-        found.append("the lamp is not stated: without it no spectral mismatch can be corrected")
+        lacking = "the lamp is not stated: without it no spectral mismatch can be corrected"
+        found.append(Cause(lacking, SPECTRAL_MISMATCH_UNKNOWN))
     return (*found, *_plan_readings(rows, readings, params))
 
 

@@ -33,6 +33,10 @@ CHART_UNUSABLE = warn(
     "A channel of a region shows no edge or star that can be measured.",
     "`detail` names the channel and the reason, in the words of the list of errors.",
 )
+PIXEL_PITCH_MISSING = flag(
+    "The pixel pitch is not known: nothing can be said in line pairs per millimetre.",
+    "Register it with the camera.",
+)
 BLURRED = warn(
     "It is less sharp than the best repeat of the same position, by a tenth and by three standard "
     "uncertainties.",

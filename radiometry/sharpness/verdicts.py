@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.findings import Reason
+from radiometry.findings.grouping import Cause
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.sharpness import codes
 from radiometry.sharpness.fit import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
@@ -58,7 +59,8 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     positions = [merge_position([each for each in usable if each.key == key], params) for key in keys]
     found = [*_plan_repeats(positions), *_plan_places(positions), *_plan_directions(positions)]
     if positions and params.pixel_pitch_um is None:
-        found.append("no pixel pitch: nothing can be said in line pairs per millimetre")
+        lacking = "no pixel pitch: nothing can be said in line pairs per millimetre"
+        found.append(Cause(lacking, codes.PIXEL_PITCH_MISSING))
     return tuple(found)
 
 

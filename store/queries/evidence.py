@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods, records
 from radiometry.findings import shared
+from radiometry.findings.grouping import Cause
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import name_panel
@@ -177,7 +178,7 @@ class Evidence(records.Record):
     offsets: dict[str, str]  # of clocks without, in the zone stated for them; only of methods with readings
     rois: dict[str, str]
     unread: list[str]  # frames of which nothing is known yet
-    unusable: list[str]  # by role, of which there are frames and none that can be used: how many, and why
+    unusable: list[Cause]  # by role, of which there are frames and none that can be used: how many, and why
     outdated: list[str]  # ids of frames read by an earlier extractor or for another target: read again
     doubtful: tuple[Exclusion, ...]  # for no fit: left out by a person, or of doubtful pixels
     references: dict[str, list[dict[str, Any]]]  # what readings were made with, as it is now: meters, panels
@@ -235,17 +236,18 @@ def gather(
     )
 
 
-def _name_unusable(rows: Sequence[FrameColumns], usable: Collection[str]) -> list[str]:
-    reasons: dict[str, Counter[str]] = defaultdict(Counter)
+def _name_unusable(rows: Sequence[FrameColumns], usable: Collection[str]) -> list[Cause]:
+    refusals: dict[str, Counter[str | None]] = defaultdict(Counter)
     for row in rows:
         if row.role not in usable:
-            reasons[row.role][row.refusal_detail or shared.FRAME_LEFT_OUT.sentence] += 1
+            refusals[row.role][row.refusal_detail] += 1
     found = []
-    for role, why in sorted(reasons.items()):
-        (reason, count), total = why.most_common(1)[0], why.total()
+    for role, why in sorted(refusals.items()):
+        (refusal, count), total = why.most_common(1)[0], why.total()
+        finding = shared.FRAME_NOT_READ if refusal else shared.FRAME_LEFT_OUT
         shown = "frame is there, not usable" if total == 1 else "frames are there, none usable"
         share = "" if count == total else f"{count} of them: "
-        found.append(f"{total} {role} {shown}: {share}{reason}")
+        found.append(Cause(f"{total} {role} {shown}: {share}{refusal or finding.sentence}", finding))
     return found
 
 

@@ -234,7 +234,7 @@ def test_times_that_catch_a_part_of_the_mains_period_are_named():
 
 def test_known_response_asks_for_the_lamp():
     known = Params(camera_response="Nikon D5100")
-    assert advice(params=known) == (
-        "the lamp is not stated: without it no spectral mismatch can be corrected",
-    )
+    (lamp,) = advice(params=known)
+    assert lamp == "the lamp is not stated: without it no spectral mismatch can be corrected"
+    assert lamp.finding.code == "spectral_mismatch_unknown"
     assert advice(params=replace(known, lamp="A")) == ()

@@ -119,7 +119,9 @@ def test_frames_that_were_all_refused_are_not_called_absent(house, campaign):
     for index, serial in enumerate(("stranger", "stranger", "")):
         light(house, campaign, "level-1", index, serial=serial or "another")
     house.work()
-    missing = house.get(f"/v1/campaigns/{campaign['id']}")["missing"]
+    found = house.get(f"/v1/campaigns/{campaign['id']}")
+    missing = found["missing"]
+    assert "frame_not_read" in {cause["code"] for cause in found["causes"]}
     assert missing[0] == "the campaign has no light frame that can be used"
     assert missing[1].startswith("3 light frames are there, none usable: 2 of them: ")
     assert "stranger" in missing[1]

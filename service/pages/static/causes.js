@@ -50,7 +50,7 @@ const FRAMES = ["frames", "Add frames"];
 const OF_READINGS = ["reading_missing", "reading_off", "reading_far_from_frames", "reading_without_frames", "meter_repeatability_estimated", "lamp_drift", "rho_cross_check"];
 /** By the code of a cause, the part of the campaign's page that mends it, or a dialog; frames mend the others. */
 const PARTS = {
-  no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"], lens_differs: ["frames", "Show frames"],
+  no_region: ["region", "Draw region"], target_missing: ["target", "Describe target"], scene_missing: ["frames", "Choose scenes"], lens_differs: ["frames", "Show frames"], spectral_mismatch_unknown: ["calibrate", "State the lamp"], pixel_pitch_missing: ["camera", "Show camera"],
   meter_certificate_missing: ["meter", "State the meter…"], panel_unknown: ["panel", "Choose panel…"], panel_uncertainty_missing: ["panel", "Choose panel…"],
   ...Object.fromEntries(OF_READINGS.map((code) => [code, ["readings", "Enter readings"]])),
 };
@@ -82,7 +82,7 @@ export function readinessOf(campaign, sending) {
 /** The list before a fit: what was refused, what is needed, and what would improve it; the panel and the meter are asked for. */
 export function beforeTheFit(campaign, title, { refused, sending, dialogs }) {
   const line = ({ mark, title: said, where, part, button }) => ({ mark, title: said, where, tag: mark === "warn" ? h("span", { class: "tag warn" }, "needed") : null, actions: may(part === "frames" ? "upload" : "calibrate") ? [dialogs[part] ? small(button, dialogs[part]) : smallLink(button, `#${part}`)] : [] });
-  const lines = [...refused, ...causesOf(campaign, "", sending).filter(({ title: said }) => !refused.some(({ detail }) => detail && said.includes(detail.replace(/\.$/, "")))).map(line)];
+  const lines = [...refused, ...causesOf(campaign, "", sending).filter(({ code }) => code !== "frame_not_read" || !refused.length).map(line)];
   if (!lines.length) return null;
   return h("section", { id: "before", class: "tight", "aria-labelledby": "before-head" },
     h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, lines.some(({ mark }) => mark !== "gap") ? "" : "Nothing is needed; these lines would improve it")),

@@ -336,9 +336,9 @@ def test_a_plan_says_what_would_be_good(rows):
     assert sharpness_verdicts.plan([], PARAMS) == ()
     (few,) = [each for each in sharpness_verdicts.plan(rows[:2], PARAMS) if "centre" in each]
     assert few == "position centre has 2 usable frames: add 1 for its repeatability"
-    assert sharpness_verdicts.plan(rows, Params()) == (
-        "no pixel pitch: nothing can be said in line pairs per millimetre",
-    )
+    (pitch,) = sharpness_verdicts.plan(rows, Params())
+    assert pitch == "no pixel pitch: nothing can be said in line pairs per millimetre"
+    assert pitch.finding.code == "pixel_pitch_missing"
     upright = [change_edges(each, orientation="vertical") for each in rows]
     assert any("add a horizontal one" in each for each in sharpness_verdicts.plan(upright, PARAMS))
 

@@ -12,7 +12,7 @@ import { CampaignState, countOwn } from "./state.js";
 function overview(state) {
   const element = h("div", { class: "overview" });
   const opens = (name) => (event) => act(event.target, async () => (await import("./target.js"))[name](state));
-  const dialogs = { panel: opens("choosePanel"), meter: opens("stateMeter") };
+  const dialogs = { panel: opens("choosePanel"), meter: opens("stateMeter"), camera: () => location.assign(`/cameras/${state.campaign.camera_id}`) };
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
