@@ -53,9 +53,10 @@ class Canvas:
         self.parts.append(f'<path d="M{x:.1f} {y:.1f}{path}" {style}/>')
 
     def text(self, place: Place, words: str) -> None:
-        """Write words in the middle of a place, or lines above or below it where others stand."""
+        """Write words at a place, within the edges; lines above or below it where others stand."""
         x, y = self.place(*place)
         half, line = 0.3 * _LABEL_PX * len(words), _LABEL_PX + 2.0
+        x = min(max(x, half + 2.0), self.width - half - 2.0)
         found = next((each for each in (y + line * n for n in _LINES) if self._is_free(x, each, half)), y)
         self._written.append((x, found, half))
         self.parts.append(f'<text x="{x:.1f}" y="{found + 4.0:.1f}" {_STYLE}>{escape(words)}</text>')

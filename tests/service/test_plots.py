@@ -395,3 +395,9 @@ def test_texts_on_the_map_of_a_road_lie_over_no_other():
     first, second, third = (float(y) for y in re.findall(r'<text x="[\d.]+" y="([\d.]+)"', canvas.finish()))
     assert abs(first - second) > 12
     assert third == first
+    upright = Canvas((0.0, 50.0), (0.0, 10.0), is_upright=True)
+    for y_m in (0.0, 10.0):
+        upright.text((25.0, y_m), "S = 35 m")
+    left, right = (float(x) for x in re.findall(r'<text x="([\d.]+)"', upright.finish()))
+    assert left > 28.8
+    assert right < upright.width - 28.8

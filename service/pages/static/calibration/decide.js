@@ -28,8 +28,8 @@ function drawImpact(impact, method) {
 function coefficients(rows, method) {
   const columns = [
     { head: "Coefficient", header: true, cell: (row) => named(row, method) },
-    { head: "In force", class: "number", cell: (row) => quantity(row.old) },
-    { head: "This version", class: "number", cell: (row) => quantity(row.new) },
+    { head: "In force ± u", class: "number", cell: (row) => quantity(row.old) },
+    { head: "This version ± u", class: "number", cell: (row) => quantity(row.new) },
     { head: "Change", class: "number", cell: (row) => changeOf(row.change) },
     { head: "Change / u", class: "number", cell: (row) => (row.in_standard_uncertainties === undefined ? "–" : h("span", { class: row.in_standard_uncertainties >= 2 ? "significant" : null }, fixed(row.in_standard_uncertainties, 1))) },
   ];

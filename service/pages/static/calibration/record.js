@@ -99,7 +99,7 @@ export function drawSiblings(own, versions) {
     { head: "Version", header: true, cell: (row) => (row.id === own.id ? h("strong", { "aria-current": "true" }, `${row.version}, this one`) : h("a", { href: `/calibrations/${row.id}` }, `Version ${row.version}`)) },
     { head: "State", cell: (row) => tag(row.state) },
     { head: "Settings", cell: howOf },
-    { head: own.coefficients[0] ? coefficientLabel(own.method, own.coefficients[0].name) : "Coefficient", class: "number", cell: (row) => (row.coefficients[0] ? quantity(row.coefficients[0]) : "–") },
+    { head: own.coefficients[0] ? `${coefficientLabel(own.method, own.coefficients[0].name)} ± u` : "Coefficient", class: "number", cell: (row) => (row.coefficients[0] ? quantity(row.coefficients[0]) : "–") },
   ];
   return table(columns, versions, { caption: "Versions of this campaign" });
 }

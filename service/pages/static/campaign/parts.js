@@ -164,7 +164,7 @@ function list(found) {
   const columns = [
     { head: "Version", header: true, class: "nowrap", cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
     { head: "State", cell: (each) => tag(each.state) },
-    { head: "Result", cell: first },
+    { head: "Result ± u", cell: first },
     { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
     { head: "Created", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
   ];

@@ -1,6 +1,6 @@
 import { all, get } from "../api.js";
 import { act, byId, empty, fill, h, leave, load, may, shorten, table } from "../dom.js";
-import { ago, day, quantity, relative, tag, time, unit } from "../format.js";
+import { ago, day, groupBy, quantity, relative, tag, time, unit } from "../format.js";
 import { coefficientLabel, headlineOf, holdsFor, inForce, labelOf, methodOf, named, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
 import { editCamera } from "./camera-edit.js";
@@ -60,10 +60,9 @@ async function drawDrift() {
   plot(byId("drift-plot"), `/plots/cameras/${id}/drift?method=${method}&name=${encodeURIComponent(name)}`);
   await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${readTolerance(method, tolerance.value)}`), ({ parameters }) => {
     const said = parameters.filter((each) => each.name === name);
-    // what hinders one mostly hinders all: say it once
-    const [first] = said;
-    const same = said.length > 1 && said.every((each) => !each.slope && each.why === first.why);
-    const words = same ? h("p", { class: "small" }, first.why) : said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
+    // what hinders several is said once
+    const lines = [...groupBy(said, (each) => (each.slope || each.recalibrate_by ? each : each.why)).values()];
+    const words = said.length > 1 && lines.length === 1 ? h("p", { class: "small" }, said[0].why) : lines.length ? h("ul", { class: "plain small" }, lines.map(saidOf)) : null;
     return [words, parameters.some((each) => each.change || each.verdict !== "cannot_tell") ? verdicts(parameters, method) : null];
   });
 }
@@ -80,10 +79,10 @@ function verdicts(parameters, method) {
   return shorten(parameters, (rows) => table(columns, rows, { caption: "Stability of every coefficient", stack: true }), 6);
 }
 
-function saidOf(parameter) {
+function saidOf([parameter, ...others]) {
   const where = holdsFor(parameter);
   return h("li", {},
-    where ? h("strong", {}, `${where}: `) : null,
+    where ? h("strong", {}, `${where}${others.length ? ` and ${others.length} more` : ""}: `) : null,
     parameter.slope ? [quantity(parameter.slope), `: ${parameter.verdict.replace("_", " ")}`] : "",
     parameter.recalibrate_by ? [parameter.slope ? "; " : "", "recalibrate by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
   );

@@ -154,7 +154,7 @@ function drawAnswer([at, known, then, used]) {
   const when = `On ${written(Date.parse(at))} UTC, as known ${state.known_at === "now" ? "now" : `on ${written(Date.parse(known))} UTC`}: `;
   if (found) {
     const row = rowOf(found);
-    return h("div", { class: "answer" }, mark("good"), h("p", {}, h("strong", {}, when, named(found), " is in force. "), row ? [`${labelOfWanted()} = `, quantity(row)] : `It has no ${labelOfWanted()}.`), h("p", { class: "more" }, `Published ${day(found.published_at.at(-1))} by ${found.published_by_name ?? found.published_by}: ${found.reason}`));
+    return h("div", { class: "answer" }, mark("good"), h("p", {}, h("strong", {}, when, named(found), " is in force. "), row ? [`${labelOfWanted()} = `, quantity(row), " (± u)."] : `It has no ${labelOfWanted()}.`), h("p", { class: "more" }, `Published ${day(found.published_at.at(-1))} by ${found.published_by_name ?? found.published_by}: ${found.reason}`));
   }
   const revoked = versions.find((each) => each.revoked_from.some((period) => within(period, at)));
   const near = nearest(at);
@@ -184,7 +184,7 @@ function drawVersions() {
   const columns = [
     { head: "Version", header: true, cell: (each) => h("span", { class: "nowrap" }, mark(...kind(each)), " ", named(each)) },
     { head: "Valid", cell: ({ in_force: held, revoked_from: lost }) => (held.length + lost.length ? [...held, ...lost].map((each) => h("div", { class: "nowrap" }, `${day(each.valid_from)} – ${each.valid_to ? day(each.valid_to) : "open"}`)) : "replaced") },
-    { head: versions.some((each) => rowOf(each)?.unit !== "1") ? `Value [${unit(versions.map(rowOf).find(Boolean)?.unit ?? "1")}]` : "Value", class: "number", cell: (each) => (rowOf(each) ? quantity({ ...rowOf(each), unit: "1" }) : "–") },
+    { head: versions.some((each) => rowOf(each)?.unit !== "1") ? `Value ± u [${unit(versions.map(rowOf).find(Boolean)?.unit ?? "1")}]` : "Value ± u", class: "number", cell: (each) => (rowOf(each) ? quantity({ ...rowOf(each), unit: "1" }) : "–") },
     { head: "Decided", cell: (each) => h("span", {}, each.revoked_at ? `revoked ${day(each.revoked_at)}` : `published ${day(each.published_at.at(-1))}`, h("span", { class: "sub" }, each.revoked_at ? (each.revoked_by_name ?? each.revoked_by) : (each.published_by_name ?? each.published_by))) },
   ];
   return table(columns, versions, { caption: "Versions", stack: true, row: (each) => ({ "aria-current": each === current ? "true" : null }) });
