@@ -16,6 +16,8 @@ _ROOM: Final = 1.15
 def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
     """Draw a coefficient in time: a series for each ISO value, f-number, band and channel; bars: one u.
 
+    Where it holds at all f-numbers, its values at a single one are left out.
+
     Parameters
     ----------
     found : sequence of Determination
@@ -25,6 +27,7 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
     quantity : str
         Label of the coefficient.
     """
+    found = [row for row in found if row.key.f_number is None] or found
     keys = [row.key for row in found]
     # nothing is left out of the name of a single one
     single = len(set(keys)) == 1

@@ -1,7 +1,7 @@
 """What plots are made of, computed by hand: no picture is drawn, and no browser is needed."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from types import SimpleNamespace
 
@@ -286,7 +286,7 @@ def test_drift_has_a_line_for_each_iso_with_one_standard_uncertainty():
     found = [
         determined(version, "0K9", at, value, key)
         for version, at, value in (("cal_1", "2025-01-01", 31.0), ("cal_2", "2026-01-01", 32.0))
-        for key in (K100, K800)
+        for key in (K100, K800, replace(K800, f_number=4.0))
     ]
     figure = build_drift(found, {"cal_1": 1, "cal_2": 2}, quantity="Luminance K")
     low, high = figure.series

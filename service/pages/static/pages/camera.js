@@ -59,7 +59,8 @@ async function drawDrift() {
   byId("drift-unit").textContent = methodOf(method).tolerance_unit;
   plot(byId("drift-plot"), `/plots/cameras/${id}/drift?method=${method}&name=${encodeURIComponent(name)}`);
   await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${readTolerance(method, tolerance.value)}`), ({ parameters }) => {
-    const said = parameters.filter((each) => each.name === name);
+    const whole = parameters.filter((each) => each.name === name && each.f_number === undefined);
+    const said = whole.length ? whole : parameters.filter((each) => each.name === name);
     // what hinders several is said once
     const lines = [...groupBy(said, (each) => (each.slope || each.recalibrate_by ? each : each.why)).values()];
     const words = said.length > 1 && lines.length === 1 ? h("p", { class: "small" }, said[0].why) : lines.length ? h("ul", { class: "plain small" }, lines.map(saidOf)) : null;
