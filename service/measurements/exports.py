@@ -16,6 +16,7 @@ from fastapi.responses import JSONResponse
 from radiometry import maps as science
 from radiometry.findings import interface
 from radiometry.frame.grid import Grid
+from radiometry.frame.roi import Window
 from service.coefficients import series
 from service.http import answers, connections, models, operations, tables
 from service.http.auth import Reader
@@ -291,7 +292,6 @@ def get_measurement_map_values(
         is_value = asked.layer == "value"
         answer = maps.MapValuesAnswer.restate(
             layout,
-            window,
             asked,
             unit=layout.unit if is_value else "1",
             # the shortest decimals that are the same float32: as doubles they would be twice as long
@@ -325,14 +325,14 @@ def get_measurement_stac(measurement: Own[Measurement], request: Request, contex
     return GeoJson(item, headers=headers)
 
 
-def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:
-    bottom = min(layout.height_px, asked.top + (asked.height or layout.height_px))
-    right = min(layout.width_px, asked.left + (asked.width or layout.width_px))
-    rows, cols = (bottom - asked.top) // asked.step, (right - asked.left) // asked.step
+def _cut(layout: maps.Layout, asked: maps.MapWindow) -> Window:
+    height = min(layout.height_px - asked.top, asked.height or layout.height_px)
+    width = min(layout.width_px - asked.left, asked.width or layout.width_px)
+    rows, cols = height // asked.step, width // asked.step
     if rows < 1 or cols < 1:
         size = f"{layout.height_px} rows and {layout.width_px} columns"
         raise wrong("query.top", f"the map has {size}: the window holds no whole square of it")
     if rows * cols > maps.MOST_VALUES:
         message = f"{rows * cols} values at once are too many: take a larger step, or a smaller window"
         raise wrong("query.step", message)
-    return maps.Window(top=asked.top, left=asked.left, bottom=bottom, right=right)
+    return Window(row0=asked.top, col0=asked.left, height=height, width=width)

@@ -125,7 +125,7 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     area = "grid" if coordinates == "road_m" else asked.area
     polygon = found.find_polygon(area)
     window = maps.frame_window(found.layout, polygon)
-    pixels = (window.bottom - window.top) * (window.right - window.left)
+    pixels = window.height * window.width
     levels = sorted({float(level) for level in (asked.levels or "").replace(",", " ").split()})
     coarse = science.choose_step((), pixels=pixels, most=maps.MOST_SQUARES, uncertainty=None)
     if not levels:
@@ -141,7 +141,7 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
         if min(plane.shape) < 2:
             message = f"the area holds fewer than 2 x 2 squares of {step} pixels: take a smaller step"
             raise wrong("query.step", message)
-        lines = science.trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
+        lines = science.trace_isolines(plane, levels, step=step, left_px=window.col0, top_px=window.row0)
         vertices = sum(len(line) for each in lines for line in each.lines)
         if vertices <= science.MOST_VERTICES and (
             asked.step or not science.is_ragged(lines, found.uncertainty, step=step)
@@ -196,7 +196,7 @@ def _make_feature(
     known = found.uncertainty
     properties = IsolineProperties(
         level=isoline.level,
-        unit=found.unit,
+        unit=found.layout.unit,
         too_dark=bool(known and found.is_light and isoline.level < known.limit),
         lines=len(isoline.lines),
         rings_left_out=isoline.rings_left_out,

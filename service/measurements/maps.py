@@ -16,7 +16,6 @@ from pydantic import Field, WithJsonSchema
 from radiometry import maps, methods, records
 from radiometry.findings import interface
 from radiometry.frame import roi
-from radiometry.frame.roi import Polygon
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.http import models
 from service.http.context import Context
@@ -27,15 +26,6 @@ from store.measuring.version import read_lens
 MOST_VALUES = 250_000
 
 Values = NDArray[np.float32]
-
-
-class Window(records.Record):
-    """Rows [top, bottom) and columns [left, right) of a map."""
-
-    top: int
-    left: int
-    bottom: int
-    right: int
 
 
 class Layout(records.Record):
@@ -75,22 +65,22 @@ def read_layout(path: Path) -> Layout:
         )
 
 
-def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
+def read_values(path: Path, layout: Layout, window: roi.Window, *, step: int) -> Values:
     """Return means over whole squares of `step` pixels from the window's corner on; NaN where unknown."""
-    rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
+    rows, cols = window.height // step, window.width // step
     size = layout.tile_px
     if not rows or not cols:
         return np.zeros((rows, cols), np.float32)
-    bottom, right = window.top + rows * step, window.left + cols * step
-    across = range(window.left // size, -(-right // size))
+    bottom, right = window.row0 + rows * step, window.col0 + cols * step
+    across = range(window.col0 // size, -(-right // size))
     sums = np.zeros((rows, cols), np.float64)
     with path.open("rb") as file:
         # a row of tiles at a time: the whole map would take as much memory as the frame
-        for tile_row in range(window.top // size, -(-bottom // size)):
+        for tile_row in range(window.row0 // size, -(-bottom // size)):
             strip = np.concatenate([_read_tile(file, layout, tile_row, each) for each in across], axis=1)
-            top, left = max(window.top - tile_row * size, 0), window.left - across.start * size
+            top, left = max(window.row0 - tile_row * size, 0), window.col0 - across.start * size
             part = strip[top : bottom - tile_row * size, left : left + cols * step]
-            to_rows = (tile_row * size + top - window.top + np.arange(len(part))) // step
+            to_rows = (tile_row * size + top - window.row0 + np.arange(len(part))) // step
             if step > 1:
                 first_rows = np.flatnonzero(np.diff(to_rows, prepend=-1))
                 part = np.add.reduceat(part, first_rows, axis=0, dtype=np.float64)
@@ -211,36 +201,32 @@ class OpenMap(records.Record):
     calibration: tables.Calibration
     path: Path
     layout: Layout
-    unit: str
     uncertainty: maps.PixelUncertainty | None
 
     @property
     def is_light(self) -> bool:
         """Return True for a map whose values are above zero where there is light, not a ratio."""
-        return self.unit != "1"
-
-    @property
-    def vignetting(self) -> str:
-        return str(self.row.result.get("vignetting", "file"))
+        return self.layout.unit != "1"
 
     def tag(self, asked: str) -> str:
         digest = hashlib.sha256(asked.encode()).hexdigest()[:16]
         return f"{self.row.map_tif_sha256}-{self.row.content_sha256[:16]}-{digest}"
 
-    def find_polygon(self, area: Area) -> Polygon | None:
+    def find_polygon(self, area: Area) -> roi.Polygon | None:
         if area == "frame":
             return None
         if area == "region":
-            return Polygon.from_points(self.row.parameters["polygon"])
+            return roi.Polygon.from_points(self.row.parameters["polygon"])
         if not self.row.parameters.get("grid"):
             raise Problem(interface.NOT_FOUND, "This measurement has no grid: its map has a region only.")
-        return Polygon.from_points(self.row.parameters["grid"]["corners"])
+        return roi.Polygon.from_points(self.row.parameters["grid"]["corners"])
 
     def list_notes(self) -> list[str]:
         """Return sentences on what the uncertainty of a place does not contain."""
         if not isinstance(methods.get_method(self.row.method).application, SurfaceApplication):
             return [DISTORTION]
-        return [DISTORTION, NO_VIGNETTING if self.vignetting == "none" else REGIONS_VIGNETTING]
+        is_corrected = self.row.result.get("vignetting") != "none"
+        return [DISTORTION, REGIONS_VIGNETTING if is_corrected else NO_VIGNETTING]
 
 
 def require_map(sha256: str | None) -> str:
@@ -272,7 +258,6 @@ def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
             calibration=calibration,
             path=file.path,
             layout=layout,
-            unit=layout.unit,
             uncertainty=None
             if known is None
             else maps.PixelUncertainty(
@@ -285,7 +270,7 @@ def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
         )
 
 
-def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int) -> Values:
+def map_uncertainty(found: OpenMap, window: roi.Window, values: Values, *, step: int) -> Values:
     """Return the relative expanded uncertainty of the means over squares; NaN where none is above zero."""
     known, weigh = found.uncertainty, _open_lens(found)
     if known is None:
@@ -294,7 +279,7 @@ def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int
     if weigh is not None:
         rows, cols = (
             first + (np.arange(size) + 0.5) * step
-            for first, size in zip((window.top, window.left), values.shape, strict=True)
+            for first, size in zip((window.row0, window.col0), values.shape, strict=True)
         )
         nodes = [
             places[np.unique(np.linspace(0, len(places) - 1, _LENS_NODES).astype(int))]
@@ -336,22 +321,20 @@ def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.flo
     return weigh
 
 
-def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, step: int) -> tuple[Values, int]:
+def read_squares(
+    found: OpenMap, window: roi.Window, polygon: roi.Polygon | None, *, step: int
+) -> tuple[Values, int]:
     """Return the means over squares, NaN outside or unknown, and how many have their centre in the area."""
     values = read_values(found.path, found.layout, window, step=step)
     if polygon is None:
         return values, values.size
     rows, cols = (np.arange(size) * step + step // 2 for size in values.shape)
-    part = roi.Window(
-        row0=window.top, col0=window.left, height=window.bottom - window.top, width=window.right - window.left
-    )
-    inside = roi.mask(polygon, part)[np.ix_(rows, cols)]
+    inside = roi.mask(polygon, window)[np.ix_(rows, cols)]
     values[~inside] = np.nan
     return values, int(inside.sum())
 
 
-def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
+def frame_window(layout: Layout, polygon: roi.Polygon | None) -> roi.Window:
     if polygon is None:
-        return Window(top=0, left=0, bottom=layout.height_px, right=layout.width_px)
-    part = roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)
-    return Window(top=part.row0, left=part.col0, bottom=part.row0 + part.height, right=part.col0 + part.width)
+        return roi.Window(row0=0, col0=0, height=layout.height_px, width=layout.width_px)
+    return roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import tifffile
 
+from radiometry.frame.roi import Window
 from radiometry.maps import read_uncertainty
-from service.measurements.maps import Layout, Window, read_layout, read_values
+from service.measurements.maps import Layout, read_layout, read_values
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import read_map
 from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
@@ -121,9 +122,8 @@ def test_squares_may_lie_across_tiles(tmp_path, window, step, transposed):
     if transposed:
         plane, top, left, bottom, right = plane.T.copy(), left, top, right, bottom
     layout = write_tiles(tmp_path / "map", plane)
-    found = read_values(
-        tmp_path / "map", layout, Window(top=top, left=left, bottom=bottom, right=right), step=step
-    )
+    part = Window(row0=top, col0=left, height=bottom - top, width=right - left)
+    found = read_values(tmp_path / "map", layout, part, step=step)
     rows, cols = (bottom - top) // step, (right - left) // step
     part = plane[top : top + rows * step, left : left + cols * step].astype(np.float64)
     np.testing.assert_allclose(found, part.reshape(rows, step, cols, step).mean((1, 3)), rtol=ROUNDING_REL)
@@ -135,7 +135,7 @@ def test_the_layout_is_that_of_the_file(tmp_path, predictor):
     options = {"tile": (256, 256), "compression": "zlib", "predictor": predictor, "description": "{}"}
     tifffile.imwrite(tmp_path / "map.tif", plane, **options)
     layout = read_layout(tmp_path / "map.tif")
-    whole = Window(top=0, left=0, bottom=300, right=280)
+    whole = Window(row0=0, col0=0, height=300, width=280)
     assert np.array_equal(read_values(tmp_path / "map.tif", layout, whole, step=1), plane)
 
 
