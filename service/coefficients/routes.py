@@ -19,7 +19,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.calibrations.schemas import CoefficientsAnswer
 from service.coefficients import series
-from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series, sends_series
+from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series
 from service.http import answers, counts, lookup, models, operations, problems
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
@@ -214,9 +214,7 @@ class CoefficientSeriesQuery(SeriesQuery):
 _COLUMNS = series.describe_columns(SeriesRow)
 
 
-@router.get(
-    "/series/coefficients", response_model=SeriesAnswer, responses={**sends_series(), **answers.problems(404)}
-)
+@router.get("/series/coefficients", response_model=SeriesAnswer, responses=series.RESPONSES)
 def get_coefficient_series(
     query: Annotated[CoefficientSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
 ) -> Response:

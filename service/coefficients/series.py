@@ -264,6 +264,7 @@ Shape = Literal["json", "csv"]
 ROW_LIMIT: Final = 200_000
 MOST_ROWS: Final = 1_000_000
 MEDIA_TYPES: Final[dict[Shape, str]] = {"json": "application/json", "csv": "text/csv; charset=utf-8"}
+RESPONSES: Final = {**answers.text(), **answers.UNCHANGED, **answers.problems(404)}
 _GZIP = 31  # the window of zlib's format with the header of gzip
 
 
@@ -323,11 +324,6 @@ def answer_series(
     # what fails at the first page is a problem, not an answer that breaks off
     first = next(content, b"")
     return StreamingResponse(chain([first], content), headers=headers, media_type=MEDIA_TYPES[shape])
-
-
-def sends_series() -> dict[int | str, dict[str, Any]]:
-    content = {"text/csv": {"schema": {"type": "string"}}}
-    return {200: {"content": content}, **answers.UNCHANGED}
 
 
 def _choose_shape(accept: str) -> Shape:

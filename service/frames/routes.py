@@ -293,9 +293,7 @@ motion_router = operations.Router(prefix="/v1", tags=["tools"])
 
 
 @motion_router.get(
-    "/campaigns/{campaign_id}/motion",
-    response_model=CampaignMotionAnswer,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+    "/campaigns/{campaign_id}/motion", response_model=CampaignMotionAnswer, responses=answers.text()
 )
 def get_campaign_motion(
     campaign: Own[Campaign], optics: Annotated[CampaignOptics, Query()], session: Session

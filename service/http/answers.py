@@ -65,6 +65,11 @@ def sends(model: Any, *statuses: int) -> dict[str, Any]:  # noqa: ANN401  a type
     return {"response_model": model, "responses": {**UNCHANGED, **problems(*statuses)}}
 
 
+def text(media_type: str = "text/csv") -> dict[int | str, dict[str, Any]]:
+    """Document an answer in a form that is not JSON: a table or lines."""
+    return {200: {"content": {media_type: {"schema": {"type": "string"}}}}}
+
+
 def sends_file(media_type: str) -> dict[str, Any]:
     schema = {"type": "string", "format": "binary"}
     if media_type.startswith("text/"):

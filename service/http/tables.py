@@ -130,17 +130,19 @@ async def read_sheet_or_document(
     return await read_apart(request, partial(read_document, validate=validate, advice=advice))
 
 
+def state_body(schema: dict[str, Any], **more: Any) -> dict[str, Any]:  # noqa: ANN401  what JSON holds
+    """Document a body that is JSON or a table."""
+    content = {"application/json": {"schema": schema, **more}, "text/csv": {"schema": {"type": "string"}}}
+    return {"requestBody": {"required": True, "content": content}}
+
+
 class OneOrMany(Generic[F]):
     """A body that is one object, a list of them or a table; each bad field is named with its place."""
 
     def __init__(self, form: type[F], kind: Kind) -> None:
         schema = form.model_json_schema()
         several = {"type": "array", "items": schema, "minItems": 1, "maxItems": kind.most}
-        content = {
-            "application/json": {"schema": {"oneOf": [schema, several]}},
-            "text/csv": {"schema": {"type": "string"}},
-        }
-        self.stated = {"requestBody": {"required": True, "content": content}}
+        self.stated = state_body({"oneOf": [schema, several]})
         self._one: TypeAdapter[F] = TypeAdapter(form)
         self._many: TypeAdapter[list[F]] = TypeAdapter(
             Annotated[list[form], Field(min_length=1, max_length=kind.most)]  # type: ignore[arg-type, valid-type]

@@ -99,11 +99,7 @@ def get_campaign_measurements_geojson(
     return GeoJson({"type": "FeatureCollection", "features": features})
 
 
-@router.get(
-    "/series/measurements",
-    response_model=series.MeasurementSeriesAnswer,
-    responses={**series.sends_series(), **answers.problems(404)},
-)
+@router.get("/series/measurements", response_model=series.MeasurementSeriesAnswer, responses=series.RESPONSES)
 def get_measurement_series(
     query: Annotated[MeasurementSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
 ) -> Response:
@@ -116,11 +112,7 @@ def get_measurement_series(
     return series.answer_series(request, context, caller, MeasurementSeries, query, _COLUMNS)
 
 
-@router.get(
-    "/measurements/{measurement_id}/cells.csv",
-    response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
-)
+@router.get("/measurements/{measurement_id}/cells.csv", response_class=Response, responses=answers.text())
 def get_measurement_cells_csv(measurement: Own[Measurement]) -> Response:
     """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
     cells = list(list_cells(_require_grid(measurement)))

@@ -128,10 +128,6 @@ _LARGEST_SEQ = 2**63 - 1
 _MOST_CHECKED = 10_000
 
 
-def _exports(media_type: str) -> dict[int | str, dict[str, Any]]:
-    return {200: {"content": {media_type: {"schema": {"type": "string"}}}}, **answers.problems()}
-
-
 class AuditQuery(Period):
     """Which entries."""
 
@@ -168,13 +164,13 @@ def list_audit_entries(
     )
 
 
-@audit_router.get("/entries.csv", response_class=Response, responses=_exports("text/csv"))
+@audit_router.get("/entries.csv", response_class=Response, responses=answers.text())
 def get_audit_csv(query: Chosen, caller: Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, as a spreadsheet; `before` and `after` are JSON."""
     return _send(_write_csv(_read(context, caller, query)), "csv", "text/csv")
 
 
-@audit_router.get("/entries.jsonl", response_class=Response, responses=_exports("application/jsonl"))
+@audit_router.get("/entries.jsonl", response_class=Response, responses=answers.text("application/jsonl"))
 def get_audit_jsonl(query: Chosen, caller: Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, one JSON object a line, with all that their hashes cover."""
     lines = (json.dumps(row, ensure_ascii=False) + "\n" for row in _read(context, caller, query))

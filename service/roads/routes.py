@@ -41,10 +41,7 @@ _KIND: Final = tables.Kind(
 _MANY: Final = TypeAdapter(Annotated[list[schemas.RoadPoint], Field(max_length=schemas.MOST_POINTS)])
 _POINT: Final = {"name": "P1", "x_m": 1.5, "y_m": 1.8, "quantity": "illuminance", "unit": "lx"}
 _ITEMS: Final = {"items": schemas.RoadPoint.model_json_schema(), "maxItems": schemas.MOST_POINTS}
-_CONTENT: Final = {
-    "application/json": {"schema": {"type": "array"} | _ITEMS, "example": [_POINT | {"values": [49.1]}]},
-    "text/csv": {"schema": {"type": "string"}},
-}
+_BODY: Final = tables.state_body({"type": "array"} | _ITEMS, example=[_POINT | {"values": [49.1]}])
 
 router = operations.Router(prefix="/v1/roads", tags=["roads"])
 rules_router = operations.Router(prefix="/v1", tags=["roads"])
@@ -136,11 +133,7 @@ async def _read_points(request: Request) -> list[schemas.RoadPoint]:
     )
 
 
-@router.put(
-    "/{road_id}/points",
-    response_model=schemas.RoadPoints,
-    openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
-)
+@router.put("/{road_id}/points", response_model=schemas.RoadPoints, openapi_extra=_BODY)
 def put_road_points(
     road: lookup.Locked[Road],
     body: Annotated[list[schemas.RoadPoint], Depends(_read_points)],

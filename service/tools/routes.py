@@ -288,8 +288,7 @@ def _body_of_series() -> dict[str, Any]:
     schema = NewExposureSeries.model_json_schema()
     # written out where it is used: nothing registers it among the document's components
     schema["properties"]["rows"]["items"] = schema.pop("$defs")["ExposureRow"]
-    content = {"application/json": {"schema": schema}, "text/csv": {"schema": {"type": "string"}}}
-    return {"requestBody": {"required": True, "content": content}}
+    return tables.state_body(schema)
 
 
 _MOTIONS, _COVERAGES = _take_one_or_many(NewMotion), _take_one_or_many(NewCoverage)
