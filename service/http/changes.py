@@ -6,6 +6,7 @@ The commit happens here, before the answer exists: never in a dependency, which 
 import hashlib
 import inspect
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import field
 from functools import wraps
 from typing import Annotated, Any, TypeVar
@@ -95,13 +96,10 @@ def run_all(
     change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
 ) -> list[JSONResponse]:
     """Do what several requests of one caller ask in one transaction, each once, whoever does it too."""
-    for attempt in range(_ATTEMPTS):
-        try:
+    for _ in range(_ATTEMPTS - 1):
+        with suppress(IntegrityError):
             return _run_all(caller, requests, change)
-        except IntegrityError:
-            if attempt == _ATTEMPTS - 1:
-                raise
-    raise AssertionError("unreachable")
+    return _run_all(caller, requests, change)
 
 
 def _run_all(
