@@ -15,7 +15,6 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
-from radiometry.records import Record
 from service.http import auth, connections, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
@@ -140,41 +139,26 @@ def _too_large(most: int) -> problems.Problem:
     return problems.Problem(interface.UPLOAD_TOO_LARGE, detail)
 
 
-class _Template(Record, kw_only=False):
-    path: str
-    pattern: re.Pattern[str]
-    methods: frozenset[str]
-
-
 class Addresses:
-    """The templates of an application's routes."""
+    """The addresses of an application's routes."""
 
     def __init__(self, app: FastAPI) -> None:
-        self._templates = [
-            _Template(route.path, route.path_regex, frozenset(route.methods or ()))
-            for route in app.routes
-            if isinstance(route, APIRoute)
-        ]
-        self._rivals: dict[str, list[_Template]] = {}
+        self._routes = [route for route in app.routes if isinstance(route, APIRoute)]
+        self._rivals: dict[str, list[APIRoute]] = {}
 
     def methods_of(self, address: str) -> list[str]:
         """Return every method of an address; the framework names those of the first route that it finds."""
-        fitting = [each for each in self._templates if self.is_of(each.path, address)]
-        methods = {method for each in fitting for method in each.methods}
+        fitting = [each for each in self._routes if self.is_of(each, address)]
+        methods = {method for each in fitting for method in each.methods or ()}
         return sorted(methods | {"HEAD"} if "GET" in methods else methods)
 
-    def is_of(self, path: str, address: str) -> bool:
-        """Return whether an address is one of this template: `/keys/own` is none of `/keys/{key_id}`."""
+    def is_of(self, route: APIRoute, address: str) -> bool:
+        """Return whether an address is one of this route: `/keys/own` is none of `/keys/{key_id}`."""
+        path, fits = route.path, route.path_regex.match
         if path not in self._rivals:
-            self._rivals[path] = [each for each in self._templates if self._is_narrower(each, path)]
-        own = next(each for each in self._templates if each.path == path)
-        return bool(own.pattern.match(address)) and not any(
-            rival.pattern.match(address) for rival in self._rivals[path]
-        )
-
-    def _is_narrower(self, template: _Template, path: str) -> bool:
-        own = next(each for each in self._templates if each.path == path)
-        return bool(own.pattern.match(template.path)) and not template.pattern.match(path)
+            narrower = [each for each in self._routes if fits(each.path) and not each.path_regex.match(path)]
+            self._rivals[path] = narrower
+        return bool(fits(address)) and not any(each.path_regex.match(address) for each in self._rivals[path])
 
 
 _SMALLEST_BYTES: Final = 1 << 10

@@ -150,7 +150,7 @@ def _read_real(text: str) -> float:
 def _check(request: Request) -> None:
     """Refuse what is not said clearly, before the route reads it its own way."""
     route: APIRoute = request.scope["route"]
-    if not request.app.state.addresses.is_of(route.path, request.scope["path"]):
+    if not request.app.state.addresses.is_of(route, request.scope["path"]):
         # an address with a name of its own is no id of this route
         raise HTTPException(405)
     _refuse_conditions(request)
