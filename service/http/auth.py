@@ -1,7 +1,6 @@
 """Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
 import asyncio
-from collections.abc import Sequence
 from contextlib import suppress
 from typing import Annotated, Final, Literal
 
@@ -158,11 +157,7 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
         raise problems.Problem(interface.CSRF_TOKEN_WRONG, detail)
 
 
-def require(caller: Caller, scope: Scope) -> None:
-    require_any(caller, (scope,))
-
-
-def require_any(caller: Caller, scopes: Sequence[Scope]) -> None:
+def require(caller: Caller, *scopes: Scope) -> None:
     if caller.scopes.isdisjoint(scopes):
         named = " or ".join(map(repr, scopes))
         detail = f"This needs a key with the scope {named}, which your key does not have."

@@ -61,7 +61,7 @@ class Operation(APIRoute):
             if self.include_in_schema:
                 _check(request)
             for each in needs:
-                auth.require_any(request.state.caller, each.scopes)
+                auth.require(request.state.caller, *each.scopes)
             if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
                 detail = "The body is compressed. Send it as it is, without Content-Encoding."
                 raise problems.Problem(
