@@ -174,13 +174,13 @@ async def publish_calibration(
         publication = publications.publish(
             session, calibration, valid_from=body.valid_from, valid_to=body.valid_to, reason=body.reason
         )
-        publications.keep_issued(session, publication, prepared.printed)
+        publications.keep_issued(session, publication, printed)
         answer = _answer(session, calibration)
-        return Reply(status=200, body=answer.model_copy(update={"warnings": prepared.gaps}))
+        return Reply(status=200, body=answer.model_copy(update={"warnings": gaps}))
 
     if (earlier := await run_in_threadpool(writing.replay, caller)) is not None:
         return earlier
-    prepared = await to_thread.run_sync(
+    printed, gaps = await to_thread.run_sync(
         issuing.prepare, context, calibration_id, caller, body, limiter=context.presses
     )
     return await run_in_threadpool(writing.run, caller, change)

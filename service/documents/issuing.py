@@ -14,7 +14,6 @@ from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from radiometry.records import Record
 from service.calibrations.schemas import Gap, NewPublication
 from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate, list_published
@@ -35,15 +34,10 @@ _LOOK_AGAIN_S: Final = 3600.0
 _REST_S: Final = 1.0
 
 
-class Prepared(Record):
-    """A certificate that is stored, and what it lacks of what ISO/IEC 17025 asks for."""
-
-    printed: publications.PrintedCertificate
-    gaps: list[Gap]
-
-
-def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
-    """Make and store the certificate that a publication issues; 409 if one with gaps is refused."""
+def prepare(
+    context: Context, calibration_id: str, caller: Caller, publication: NewPublication
+) -> tuple[publications.PrintedCertificate, list[Gap]]:
+    """Make and store the certificate that a publication issues, and list its gaps; 409 if they refuse it."""
     with context.database.reading() as session:
         calibration = lookup.owned(session, Calibration, calibration_id, caller)
         publications.require_not_revoked(session, calibration)
@@ -58,7 +52,7 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
             f"Add them, then publish again: {' '.join(gap.message for gap in certificate.gaps)}",
             gaps=[gap.dump() for gap in certificate.gaps],
         )
-    return Prepared(printed=_print(context, record, certificate, first=True), gaps=certificate.gaps)
+    return _print(context, record, certificate, first=True), certificate.gaps
 
 
 def build_issued(
@@ -299,10 +293,8 @@ def _derive(context: Context, calibration: Calibration) -> tuple[sheets.Node, Ca
 
 
 def _send_issued(request: Request, context: Context, issued: IssuedCertificate, media_type: str) -> Response:
-    headers, sha256 = (
-        {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'},
-        issued.json_sha256,
-    )
+    headers = {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'}
+    sha256 = issued.json_sha256
     if media_type == "application/pdf":
         headers, sha256 = headers | _name_pdf(issued.number), issued.pdf_sha256
     with _naming(issued):
