@@ -20,7 +20,6 @@ from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
 from service.measurements.requests import read_region
 from service.uploads import frames, tus
-from service.uploads.tus import answer
 from store.blobs import StoredBlob
 from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial
 from store.queries import group_by, organisations
@@ -123,8 +122,7 @@ async def begin_upload(
     )
     if tus.is_piece(request):
         await tus.append(request, partial, 0, headers.checksum)
-    facts = await _finish_if_whole(context, partial)
-    begun = await run_in_threadpool(answer, partial, facts, 201)
+    begun = await _finish_if_whole(context, partial, 201)
     begun.headers["Location"] = f"/v1/uploads/{address}"
     return begun
 
@@ -138,8 +136,7 @@ async def get_upload(upload_id: lookup.Id, request: Request, context: UsesContex
     """State how many bytes are durable; whoever still sends to this upload is ended."""
     partial = await run_in_threadpool(_find, context, request, upload_id)
     await run_in_threadpool(_end_writer, partial)
-    facts = await _finish_if_whole(context, partial)
-    return await run_in_threadpool(answer, partial, facts, 200)
+    return await _finish_if_whole(context, partial, 200)
 
 
 @router.patch(
@@ -165,8 +162,7 @@ async def append_to_upload(
         raise problems.Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {tus.PIECE}.")
     begins = tus.read_count(headers.offset, "Upload-Offset")
     await tus.append(request, partial, begins, headers.checksum)
-    facts = await _finish_if_whole(context, partial)
-    return await run_in_threadpool(answer, partial, facts, 204)
+    return await _finish_if_whole(context, partial, 204)
 
 
 @router.delete(
@@ -247,16 +243,16 @@ def _find_caller(context: Context, facts: Facts) -> Caller:
     return Caller.holding(*found)
 
 
-async def _finish_if_whole(context: Context, partial: Partial) -> Facts:
+async def _finish_if_whole(context: Context, partial: Partial, status: int) -> Response:
     """Make a frame of a file whose last byte is there; what fails on the way is tried again by who asks."""
     try:
         facts, blob = await run_in_threadpool(_store_if_whole, context, partial)
         if blob is not None:
             await _make_frame(context, partial, facts, blob)
-            return await run_in_threadpool(partial.read_facts)
+            facts = await run_in_threadpool(partial.read_facts)
     except FileNotFoundError:
         raise problems.not_found("upload") from None
-    return facts
+    return await run_in_threadpool(tus.answer, partial, facts, status)
 
 
 def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBlob | None]:
