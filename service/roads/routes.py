@@ -10,8 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from radiometry.road import geojson, rules, site
-from radiometry.road.grid import lay_points
+from radiometry.road import geojson, grid, rules, site
 from radiometry.road.plan import plan_points
 from service.frames.routes import require_header
 from service.http import answers, auth, changes, lookup, models, operations, tables
@@ -171,12 +170,12 @@ def place_road_frame(
         geometry = session.get_one(Calibration, named["geometry_id"]) if "geometry_id" in named else None
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     placed = read_placement(named, geometry, over, **size)
-    grid = lay_points(over, rules.find_rule(road.requirement["rule"]).grid)
+    points = np.array([(each.x_m, each.y_m) for each in _lay_grid(road)])
     return schemas.PlacementAnswer(
         h=placed.h.tolist(),
         matrix=placed.camera.matrix.tolist(),
         distortion=placed.camera.distortion.tolist(),
-        place_u_m=float(placed.estimate_u_m(np.array([(each.x_m, each.y_m) for each in grid])).max()),
+        place_u_m=float(placed.estimate_u_m(points).max()),
     ).respond()
 
 
@@ -239,8 +238,6 @@ def answer_plan(context: Context, road: Road, wanted: schemas.WantedPlan) -> mod
 
 
 def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:
-    stated = decode(site.Site, row.site)
-    grid = rules.find_rule(row.requirement["rule"]).grid
     made = session.execute(
         select(RoadResult.number, RoadResult.created_at, RoadResult.result["verdict"].as_string())
         .where(RoadResult.road_id == row.id)
@@ -248,7 +245,7 @@ def answer_road(session: Session, row: Road) -> schemas.RoadAnswer:
     )
     return schemas.RoadAnswer.restate(
         row,
-        grid=list(lay_points(stated, grid)),
+        grid=list(_lay_grid(row)),
         results=[
             {"number": n, "created_at": at, "verdict": said, "link": f"/v1/roads/{row.id}/results/{n}"}
             for n, at, said in made
@@ -307,15 +304,15 @@ def _write(session: Session, row: Road, body: schemas.RoadChange, caller: auth.C
     for name, value in sent.items():
         setattr(row, name, value)
     rules.find_criteria(decode(site.Requirement, row.requirement))
-    names = {
-        each.name
-        for each in lay_points(decode(site.Site, row.site), rules.find_rule(row.requirement["rule"]).grid)
-    }
-    if unknown := set(row.hidden or ()) - names:
+    if unknown := set(row.hidden or ()) - {each.name for each in _lay_grid(row)}:
         raise wrong("body.hidden", f"names {min(unknown)!r}, which is no point of the grid")
     session.add(row)
     session.flush()
     return answer_road(session, row)
+
+
+def _lay_grid(row: Road) -> tuple[grid.GridPoint, ...]:
+    return grid.lay_points(decode(site.Site, row.site), rules.find_rule(row.requirement["rule"]).grid)
 
 
 def _state_road(session: Session, row: Road) -> site.Road:
