@@ -147,9 +147,6 @@ class NewCause(Form, one_of="meter_id meter_certificate_number software recorder
     software: Text | None = maybe("The fit code version, `software.stilb` of a version.")
     recorder: Text | None = maybe("Recorder of the campaign, now or before.")
 
-    def named(self) -> dict[str, str]:
-        return self.model_dump(exclude_none=True)
-
 
 class NewPurge(Form):
     cause: NewCause
@@ -281,9 +278,8 @@ def propose_recall(body: NewPurge, caller: auth.Publisher, session: Session) -> 
     """Find every version made with a cause, for review. Nothing is revoked yet."""
     if body.cause.meter_id is not None:
         lookup.owned(session, Meter, body.cause.meter_id, caller)
-    recall = recalls.propose(
-        session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
-    )
+    cause = body.cause.model_dump(exclude_none=True)
+    recall = recalls.propose(session, caller.organisation_id, cause, reason=body.reason, by=caller.key_id)
     location = {"Location": f"/v1/recalls/{recall.id}"}
     return changes.Reply(status=201, body=_whole(session, recall), headers=location)
 

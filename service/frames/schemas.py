@@ -38,9 +38,6 @@ class Upload(Form):
         json_schema_extra={"pattern": REGION_PATTERN},
     )
 
-    def supplied(self) -> dict[str, float]:
-        return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
-
 
 class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""

@@ -40,9 +40,6 @@ class NewCoverage(Form):
     sensor_height_mm: SensorSide = models.told("Along the tilt.")
     pixel_pitch_um: PixelPitch
 
-    def view(self) -> coverage.View:
-        return coverage.View(**self.model_dump(exclude={"name"}))
-
 
 class FieldOfView(Answer):
     horizontal: float = models.told("Degrees.")
@@ -86,9 +83,6 @@ class NewExposureSeries(Form):
     rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
     dark_dn: Signal = models.told("Of rows that state none; 0 where black is off already.", default=0.0)
     white_level_dn: Annotated[Number, Field(gt=0, le=1e9)]
-
-    def series(self) -> list[SeriesRow]:
-        return [SeriesRow(**row.model_dump()) for row in self.rows]
 
 
 class ExposureTable(Form):
@@ -339,7 +333,8 @@ def fit_exposure_exponents(body: Exposures, _caller: auth.Reader) -> Response:
     The query belongs to a table that is sent as CSV. Rows below 1/256 or above 95 % of the way from dark to
     white are left out, each with its reason.
     """
-    fit = exponents.fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
+    rows = [SeriesRow(**row.model_dump()) for row in body.rows]
+    fit = exponents.fit_exponents(rows, dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
     return ExposureAnswer.restate(fit).respond()
 
 
@@ -348,7 +343,7 @@ def _move(form: NewMotion) -> MotionAnswer:
 
 
 def _cover(form: NewCoverage) -> CoverageAnswer:
-    found, why = coverage.compute_coverage(form.view()), None
+    found, why = coverage.compute_coverage(coverage.View(**form.model_dump(exclude={"name"}))), None
     if found.horizon_in_view:
         why = (
             f"far_m, gsd_far_m, gsd_far_along_m and footprint: the upper edge looks "

@@ -323,7 +323,7 @@ async def keep_frame(
         role=upload.role,
         scene=upload.scene,
         roi_id=None,
-        supplied=upload.supplied(),
+        supplied=upload.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True),
     )
     arrival = _Arrival(campaign_id, new, read_roi(region) if region else None, had_room)
     answer = await context.together.do(
