@@ -4,7 +4,6 @@ import csv
 import hashlib
 import io
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
@@ -303,7 +302,7 @@ def answer_series(
     )
     series = kind(context.database, asked)
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
-    packs = _accepts_gzip(request.headers.get("accept-encoding", ""))
+    packs = "gzip" in request.headers.get("accept-encoding", "")
     after = None if query.cursor is None else paging.read_cursor(query.cursor, series.is_place)
     with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
@@ -327,17 +326,9 @@ def answer_series(
 
 
 def _choose_shape(accept: str) -> Shape:
-    named = [part.partition(";")[0].strip().lower() for part in accept.split(",")]
-    for name in named:
-        for shape, media_type in MEDIA_TYPES.items():
-            if name == media_type.partition(";")[0]:
-                return shape
-    return "json"
-
-
-def _accepts_gzip(accepted: str) -> bool:
-    parts = (part.replace(" ", "").partition(";") for part in accepted.lower().split(","))
-    return any(name == "gzip" and not re.fullmatch(r"q=0(\.0*)?", weight) for name, _, weight in parts)
+    shapes = {media_type.partition(";")[0]: shape for shape, media_type in MEDIA_TYPES.items()}
+    named = (part.partition(";")[0].strip().lower() for part in accept.split(","))
+    return next((shapes[name] for name in named if name in shapes), "json")
 
 
 def _pack(parts: Iterable[bytes]) -> Iterator[bytes]:

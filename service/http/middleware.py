@@ -185,7 +185,7 @@ class Compression(_Layer):
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = MutableHeaders(scope=scope)
-        if "gzip" in (accepted := headers.get("accept-encoding", "")):
+        if "gzip" in (accepted := headers.get("accept-encoding", "").lower()):
             headers["accept-encoding"] = _REFUSED.sub("identity", accepted)
         named = headers.get("if-none-match", "")
         if has_mark := f'{_MARK}"' in named:

@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 from service.http import answers
 from service.http.middleware import Compression
 
-GZIP = {"Accept-Encoding": "gzip"}
+GZIP = {"Accept-Encoding": "GZIP"}
 LONG = b"0123456789" * 200
 PACKED = [
     "application/json",
