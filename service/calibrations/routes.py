@@ -3,7 +3,7 @@
 import hashlib
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Any, Final
 
@@ -294,10 +294,9 @@ def _add(method: str, export: Export) -> None:
         export.operation, __base__=Form, **{option.name: _describe(option) for option in export.options}
     )
     send.__annotations__["query"] = Annotated[form, Query()]
-    send.__name__, send.__doc__ = export.operation, export.description
-    stated: dict[str, Any] = answers.sends(answer, 404) if answer else answers.sends_file(export.media_type)
-    add: Callable[..., Any] = exports_router.get(f"/{export.filename}", **stated)
-    add(send)
+    stated = answers.sends(answer, 404) if answer else answers.sends_file(export.media_type)
+    stated |= {"name": export.operation, "description": export.description}
+    exports_router.add_api_route(f"/{export.filename}", send, **stated)
 
 
 def _describe(option: ExportOption) -> Any:  # noqa: ANN401  a type with its default

@@ -1,6 +1,6 @@
 """Cameras, meters, panels and rigs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, get_args, get_type_hints
 
 from fastapi import Depends, Query, Response
@@ -344,15 +344,11 @@ def _add_export(export: RigExport) -> None:
         written = export.write(orientation, [each.member for each in members], rig.name)
         return Response(written, media_type=export.media_type)
 
-    send.__name__, send.__doc__ = export.operation, export.description
-    answer = {"get_rig_json": RigFile}.get(export.operation)
-    stated: dict[str, Any] = (
-        {"response_model": answer, "responses": answers.problems(404)}
-        if answer
-        else answers.sends_file(export.media_type)
-    )
-    add: Callable[..., Any] = rigs_router.get(f"/{{rig_id}}/exports/{export.filename}", **stated)
-    add(send)
+    stated = answers.sends_file(export.media_type)
+    if export.operation == "get_rig_json":
+        stated = {"response_model": RigFile, "responses": answers.problems(404)}
+    stated |= {"name": export.operation, "description": export.description}
+    rigs_router.add_api_route(f"/{{rig_id}}/exports/{export.filename}", send, **stated)
 
 
 for _export in fleet.SPEC.exports:
