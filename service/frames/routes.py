@@ -1,6 +1,7 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte; and their image motion."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
@@ -69,15 +70,10 @@ async def upload_frame(
     The hash is compared when X-Content-SHA256 or Repr-Digest announces it.
     """
     region = read_region(upload.roi) if upload.roi is not None else None
-    received = await receive(
-        request,
-        context.blobs,
-        admit=lambda *file: admit(context, campaign_id, caller, *file, role=upload.role),
-    )
-    named = upload.model_copy(update={"filename": upload.filename or received.filename})
-    return await keep_frame(
-        context, writing, caller, campaign_id, upload=named, region=region, blob=received.blob
-    )
+    admitting = partial(admit, context, campaign_id, caller, role=upload.role)
+    blob, name = await receive(request, context.blobs, admit=admitting)
+    named = upload.model_copy(update={"filename": upload.filename or name})
+    return await keep_frame(context, writing, caller, campaign_id, upload=named, region=region, blob=blob)
 
 
 @router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer])

@@ -83,22 +83,14 @@ def answer_write(
 _FLUSH_BYTES = 1 << 20
 _MOST_PARTS = 100
 _REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
-
-
-class Received(Record):
-    blob: StoredBlob
-    filename: str | None  # of the multipart part, where it was one
-
-
 Admit = Callable[[str | None, int], bool]
 """Raises where a file with this hash, of this size, may not be kept; False where only the hash will tell."""
-
 
 MAX_FILE_BYTES: Final = 2 << 30
 
 
-async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
-    """Store the body, raw or the part ``file`` of a form; ``admit`` is asked before, and when it is there."""
+async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> tuple[StoredBlob, str | None]:
+    """Store a body, or the part ``file`` of a form with its name; ``admit`` is asked before and after."""
     expected = _announced_sha256(request)
     text = request.headers.get("content-length", "")
     announced = int(text) if text.isdecimal() else 0
@@ -110,7 +102,7 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
         take = writer.write if form is None else form.feed
         rest = await _drain(request.stream(), take)
 
-        def finish() -> Received:
+        def finish() -> tuple[StoredBlob, str | None]:
             take(rest)
             filename = None if form is None else form.finish()
             if expected is not None and writer.sha256 != expected:
@@ -121,7 +113,7 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
                 )
             if not admitted or writer.size_bytes > announced:
                 admit(writer.sha256, writer.size_bytes)
-            return Received(blob=writer.commit(), filename=filename)
+            return writer.commit(), filename
 
         return await run_in_threadpool(finish)
 
