@@ -8,6 +8,7 @@ import typing
 import unicodedata
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
 import pydantic
@@ -35,11 +36,7 @@ def _name_zone(text: str) -> str:
         raise PydanticCustomError("time_zone", "{said}", {"said": str(error)}) from error
 
 
-def _compose(text: str) -> str:
-    return unicodedata.normalize("NFC", text)
-
-
-COMPOSED: Final = AfterValidator(_compose)
+COMPOSED: Final = AfterValidator(partial(unicodedata.normalize, "NFC"))
 """A name is the same however its letters are put together: macOS writes an accent apart, keyboards do not."""
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=f"^{NAMED}$"), COMPOSED]
 Name = Annotated[Text, AfterValidator(lambda text: " ".join(text.split()))]
