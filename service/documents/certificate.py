@@ -242,7 +242,7 @@ def _regions(record: CalibrationRecord) -> list[schemas.Region]:
     inputs = record.calibration.inputs
     parts = inputs.get("roi_parts", {})
     return [
-        schemas.Region(sha256=key, points=points, parts=parts.get(key))
+        schemas.Region.restate(sha256=key, points=points, parts=parts.get(key))
         for key, points in inputs["rois"].items()
     ]
 

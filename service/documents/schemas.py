@@ -13,9 +13,9 @@ from service.calibrations.schemas import Gap, PersonAnswer
 from service.equipment.schemas import Certificate as MeterCertificate
 from service.equipment.schemas import Lens
 from service.http.models import Answer, Instant, Method, maybe, told
+from store import tables
 from store.queries import calibrations, organisations
 from store.queries.checklist import ChecklistItem
-from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Publication, Reading
 
 DaysFrom = Literal["readings", "campaign", "frames"]
 
@@ -25,12 +25,12 @@ class Laboratory(Answer):
     address: str | None = None
 
 
-class Item(Answer, restates=Camera, fields="make model serial pixel_pitch_um sensor_width_mm"):
+class Item(Answer, restates=tables.Camera, fields="make model serial pixel_pitch_um sensor_width_mm"):
     lens: Lens | None = None
 
 
 class Work(
-    Answer, restates=Campaign, fields="project_number started_at ended_at comments surface_reflectance"
+    Answer, restates=tables.Campaign, fields="project_number started_at ended_at comments surface_reflectance"
 ):
     """Where, when, for whom and under which conditions the frames and readings were taken."""
 
@@ -71,7 +71,7 @@ class UsedPanel(Answer):
     bands: list[UsedPanelBand]
 
 
-class UsedReading(Answer, restates=Reading, fields="scene quantity value taken_at meter_id"):
+class UsedReading(Answer, restates=tables.Reading, fields="scene quantity value taken_at meter_id"):
     """``value`` in SI; the last two as the fit took them from the meter's certificate."""
 
     unit: str
@@ -82,7 +82,7 @@ class UsedReading(Answer, restates=Reading, fields="scene quantity value taken_a
     coverage_factor: float | None = None
 
 
-class UsedFrame(Answer, restates=FrameRow, fields="id sha256 role scene exposure"):
+class UsedFrame(Answer, restates=tables.FrameRow, fields="id sha256 role scene exposure"):
     """``exposure`` : absent of a chart that states none; ``signal_dn`` : of luminance, from its channel."""
 
     frame: str = told("Its name in the fit: the file's, where no two share one.")
@@ -101,12 +101,8 @@ class UsedFrame(Answer, restates=FrameRow, fields="id sha256 role scene exposure
     statistics: list[dict[str, Any]]
 
 
-class Region(Answer):
+class Region(Answer, restates=tables.Roi, fields="sha256 points parts"):
     """``parts`` : name and points of each, where there are several; ``points`` are then those around them."""
-
-    sha256: str
-    points: list[Any]
-    parts: list[Any] | None = None
 
 
 class CertifiedCoefficient(
@@ -145,7 +141,7 @@ class CheckedItem(Answer, restates=ChecklistItem, fields="key section text done_
     done_by: str | None = None
 
 
-class Signature(Answer, restates=ChecklistSignature, fields="name signed_by signed_at"):
+class Signature(Answer, restates=tables.ChecklistSignature, fields="name signed_by signed_at"):
     pass
 
 
@@ -171,7 +167,7 @@ class Issued(Answer):
     amends: Amended | None = None
 
 
-class PublishedBy(Answer, restates=Publication, fields="valid_from valid_to"):
+class PublishedBy(Answer, restates=tables.Publication, fields="valid_from valid_to"):
     by: str
     at: Instant
     reason: str
@@ -188,7 +184,7 @@ class Validity(Answer, restates=calibrations.VersionStatus, fields="state valid_
 
 
 class CertificateAnswer(
-    Answer, restates=Calibration, fields="content_sha256 version parameters result software created_at"
+    Answer, restates=tables.Calibration, fields="content_sha256 version parameters result software created_at"
 ):
     """``result``: the fit as stored; frames, readings, regions and parameters reproduce it."""
 

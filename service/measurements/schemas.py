@@ -8,6 +8,7 @@ from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.place import Place, PlaceShare
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
+from radiometry.road.lanes import LaneGrid
 from radiometry.specification.method import Scope
 from service.calibrations.schemas import SCOPE_MEANING
 from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags, maybe, told
@@ -134,13 +135,9 @@ class PercentileAnswer(Answer):
     reflectance: Quantity | None = None
 
 
-class LanesAnswer(Answer):
+class LanesAnswer(Answer, restates=LaneGrid, fields="lanes lane_width_m spacing_m length_m"):
     """Lanes between two luminaires; the points of EN 13201-3 are the centres of the cells."""
 
-    lanes: int
-    lane_width_m: float
-    spacing_m: float
-    length_m: float
     marked: list[list[float]] = told("Corners of the rectangle as they were given [px].")
     corner_u_px: float
     along_m: float = told("Distance of the points along the lanes.")
@@ -304,15 +301,9 @@ class MeasurementAnswer(Answer):
 
 
 def _describe_grid(row: Measurement) -> GridAnswer | None:
-    if not row.result.get("surface"):
+    if not (surface := row.result.get("surface")):
         return None
-    surface = row.result["surface"]
-    return GridAnswer(
-        **{name: value for name, value in row.parameters["grid"].items() if name in GridAnswer.model_fields},
-        cell_model=surface["cell_model"],
-        cells=surface["cells"],
-        lanes=row.parameters.get("lanes"),
-    )
+    return GridAnswer.restate(row.parameters["grid"], surface, lanes=row.parameters.get("lanes"))
 
 
 def _links(row: Measurement) -> dict[str, str]:
