@@ -231,7 +231,6 @@ class MethodAnswer(
             measured_quantity=measured.quantity if measured else None,
             measurement_options=list(spec.measurement_options) if measured else [],
             conditions=[ParameterAnswer.of(each) for each in spec.conditions],
-            grid=MethodGridAnswer.restate(spec.grid),
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
         )
 

@@ -96,18 +96,15 @@ def propose_frames(
         spec = night if night_asked and night is not None else best
     else:
         spec, night_asked = get_method(method), kind == "measurement"
+    placed = sort_card(frames, spec, night=night_asked, there=there)
     return CardProposal(
         method=spec.name,
         kind="measurement" if night_asked else "calibration",
         calibration_method=best.name,
         measurement_method=night.name if night else None,
         frames=[
-            PlacedFrame(
-                name=asked.name, role=placed.role, scene=placed.scene, campaign_id=holders.get(_key(asked))
-            )
-            for asked, placed in zip(
-                frames, sort_card(frames, spec, night=night_asked, there=there), strict=True
-            )
+            PlacedFrame.restate(each, name=asked.name, campaign_id=holders.get(_key(asked)))
+            for asked, each in zip(frames, placed, strict=True)
         ],
     ).respond()
 

@@ -155,12 +155,10 @@ def look_at_grid(frame: Own[FrameRow], body: requests.NewGrid, session: Session)
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     bounding_window(application.outline(grid), **size)
     flags = [codec.encode(flag) for flag in application.check_grid(grid, **size)]
-    return GridLook(
-        corners=[list(corner) for corner in grid.corners],
-        rows=grid.rows,
-        columns=grid.columns,
+    return GridLook.restate(
+        grid,
         point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
-        flags=[schemas.FlagAnswer.model_validate(flag) for flag in flags],
+        flags=flags,
         findings=models.group_flags(flags),
     ).respond()
 

@@ -194,12 +194,9 @@ def _make_feature(
     found: maps.OpenMap, isoline: science.Isoline, step: int, coordinates: Coordinates
 ) -> IsolineFeature:
     known = found.uncertainty
-    properties = IsolineProperties(
-        level=isoline.level,
-        unit=found.layout.unit,
-        too_dark=bool(known and found.is_light and isoline.level < known.limit),
-        lines=len(isoline.lines),
-        rings_left_out=isoline.rings_left_out,
+    too_dark = bool(known and found.is_light and isoline.level < known.limit)
+    properties = IsolineProperties.restate(
+        isoline, unit=found.layout.unit, too_dark=too_dark, lines=len(isoline.lines)
     )
     if known is not None:
         at = np.array(isoline.level)

@@ -139,11 +139,8 @@ def start_campaign_measurements(
             job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
             started[job] = None
         except (InputRejected, database.Conflict) as refusal:
-            refused.append(
-                requests.NotMeasured(
-                    frame_id=frame.id, filename=frame.filename, code=str(refusal.code), detail=refusal.message
-                )
-            )
+            why = {"code": str(refusal.code), "detail": refusal.message}
+            refused.append(requests.NotMeasured(frame_id=frame.id, filename=frame.filename, **why))
     session.flush()
     jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
     answer = requests.CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)

@@ -65,9 +65,7 @@ def list_road_rules(_: auth.Reader) -> Response:
 
     Confirm a rule's figures against its text, or send your own as `criteria` of the requirement.
     """
-    return schemas.RoadRules(
-        items=[schemas.RoadRuleAnswer.restate(each) for each in rules.list_rules()]
-    ).respond()
+    return schemas.RoadRules.restate(items=rules.list_rules()).respond()
 
 
 @router.post("", status_code=201, response_model=schemas.RoadAnswer, responses=answers.problems(404))

@@ -39,13 +39,7 @@ class PartAnswer(models.Answer):
 
     @classmethod
     def of(cls, part: PartRow) -> "PartAnswer":
-        return cls(
-            kind=part.kind,
-            state=part.state,
-            silent_s=round(part.seen_s_ago, 1),
-            idle_s=round(part.worked_s_ago, 1),
-            details=dict(part.details),
-        )
+        return cls.restate(part, silent_s=round(part.seen_s_ago, 1), idle_s=round(part.worked_s_ago, 1))
 
 
 class Readiness(models.Answer):
