@@ -110,10 +110,7 @@ def list_campaigns(
     listing: Annotated[CampaignListing, Depends()], caller: Reader, session: Session
 ) -> Response:
     """The campaigns of your organisation, oldest first."""
-    rows = select(Campaign)
-    if listing.archived is not None:
-        rows = rows.where(Campaign.archived_at.is_not(None) == listing.archived)
-    return listing.send_own(session, caller, rows, schemas.CampaignAnswer.restate, apart=["archived"])
+    return listing.send_own(session, caller, select(Campaign), schemas.CampaignAnswer.restate)
 
 
 @router.get("/{campaign_id}", response_model=schemas.CampaignAnswer)

@@ -3,7 +3,7 @@
 import base64
 import binascii
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Annotated, Any, Final, Generic, TypeVar
 
@@ -74,21 +74,20 @@ class Paging(Record):
         shape: Callable[[Any], models.Answer],
         *,
         newest_first: bool = False,
-        apart: Collection[str] = (),
     ) -> JSONResponse:
-        fields = vars(self).keys() - _FIELDS_OF_PAGES - set(apart)
-        own = self.choose(caller, rows, **{name: getattr(self, name) for name in fields})
+        wanted = {name: getattr(self, name) for name in vars(self).keys() - _FIELDS_OF_PAGES}
+        own = self.choose(caller, rows, **wanted)
         return self.send(session, own, lambda found: [*map(shape, found)], newest_first=newest_first)
 
     @staticmethod
     def choose(caller: auth.Caller, rows: Select[Any], **wanted: object) -> Select[Any]:
-        """The organisation's rows that have these values, as far as they are asked for."""
+        """The organisation's rows with the values asked for; a bool asks whether `<name>_at` is set."""
         table = rows.column_descriptions[0]["entity"]
         rows = rows.where(table.organisation_id == caller.organisation_id)
         for name, value in wanted.items():
-            column = getattr(table, name)
+            column = getattr(table, name if hasattr(table, name) else f"{name}_at")
             if value is not None:
-                rows = rows.where(column == value)
+                rows = rows.where((column.is_not(None) if isinstance(value, bool) else column) == value)
         return rows
 
     def send(

@@ -151,9 +151,7 @@ def list_jobs(
     ] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
-    rows = paging.choose(caller, select(tables.Job), state=state, kind=kind)
-    if dismissed is not None:
-        rows = rows.where(tables.Job.dismissed_at.is_not(None) == dismissed)
+    rows = paging.choose(caller, select(tables.Job), state=state, kind=kind, dismissed=dismissed)
     if subject is not None:
         row = lookup.find_owned(session, _SUBJECTS, subject, caller)
         concerned = tables.Job.subject_id == subject
