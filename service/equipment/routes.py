@@ -17,7 +17,7 @@ from service.http import answers, changes, lookup, models, operations, paging, p
 from service.http.auth import Calibrator, Caller, Reader
 from service.http.context import UsesContext
 from service.http.models import Answer, Name, Text, maybe, told
-from store.codec import encode
+from store.codec import drop_absent, encode
 from store.queries import fleet, organisations
 from store.queries.campaigns import check_again
 from store.tables import Calibration, Camera, Campaign, Meter, Panel, Rig
@@ -28,7 +28,8 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 @router.post("", **answers.makes(schemas.CameraAnswer, "It was registered already."))
 def create_camera(body: schemas.NewCamera, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a camera body, with the names that it writes into its files."""
-    camera, new = organisations.find_or_add_camera(session, caller.organisation_id, _columns(body))
+    values = schemas.lay_flat(body, "lens")
+    camera, new = organisations.find_or_add_camera(session, caller.organisation_id, values)
     return changes.Reply(status=201 if new else 200, body=schemas.CameraAnswer.of(camera))
 
 
@@ -56,7 +57,7 @@ def change_camera(
 ) -> changes.Reply:
     """Correct a camera's names, lens or sensor. With other names its campaigns' frames are checked again."""
     before = _names(camera)
-    for name, value in _columns(body).items():
+    for name, value in schemas.lay_flat(body, "lens").items():
         setattr(camera, name, None if value == "" else value)
     jobs = []
     if _names(camera) != before:
@@ -68,13 +69,6 @@ def change_camera(
         campaigns = session.scalars(mine.order_by(Campaign.id)).all()
         jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
     return changes.Reply(status=200, body=schemas.CameraAnswer.of(camera), jobs=jobs)
-
-
-def _columns(body: schemas.NewCamera | schemas.CameraChange) -> dict[str, Any]:
-    columns = body.model_dump(exclude={"lens"}, exclude_none=True)
-    if body.lens is not None:
-        columns |= {f"lens_{name}": value for name, value in body.lens.model_dump().items()}
-    return columns
 
 
 def _names(camera: Camera) -> dict[str, str]:
@@ -90,7 +84,8 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
 )
 def create_meter(body: schemas.NewMeter, caller: Calibrator, session: Session) -> changes.Reply:
     """Register a meter, with its calibration certificate where there is one."""
-    meter, new = organisations.find_or_add_meter(session, caller.organisation_id, body.columns())
+    values = schemas.lay_flat(body, "certificate")
+    meter, new = organisations.find_or_add_meter(session, caller.organisation_id, values)
     return changes.Reply(status=201 if new else 200, body=schemas.MeterAnswer.of(meter))
 
 
@@ -220,11 +215,6 @@ class _Judged(_Chosen):
     tolerance_deg: models.PositiveText | None = maybe("Largest accepted change of an angle over all sets.")
     tolerance_m: models.PositiveText | None = maybe("Largest accepted change of a place over all sets.")
 
-    @property
-    def limits(self) -> dict[str, float]:
-        limits = {"deg": self.tolerance_deg, "m": self.tolerance_m}
-        return {unit: limit for unit, limit in limits.items() if limit is not None}
-
 
 Versions = Annotated[_Chosen, Query()]
 Judging = Annotated[_Judged, Query()]
@@ -286,7 +276,7 @@ def get_rig_orientation(
         ],
         stability=drift.compare_sets(
             [(members[0].at, fleet.SPEC.list_quantities(orientation)) for members, orientation in found],
-            limits=judging.limits,
+            limits=drop_absent({"deg": judging.tolerance_deg, "m": judging.tolerance_m}),
         ),
         left_out=why,
     ).respond()

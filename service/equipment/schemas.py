@@ -8,6 +8,12 @@ from store.queries.evidence import Offer
 from store.tables import Camera, Meter, Panel, organisation
 
 
+def lay_flat(form: models.Form, part: str) -> dict[str, Any]:
+    """Return the columns of what a form states; a part of it lies flat in its table."""
+    columns, held = form.model_dump(exclude={part}, exclude_none=True), getattr(form, part)
+    return columns | {f"{part}_{name}": value for name, value in (held.model_dump() if held else {}).items()}
+
+
 class Lens(models.Form, models.Answer):
     make: Name = told("Manufacturer of the lens.")
     model: Name = told("As engraved on the lens.")
@@ -81,14 +87,6 @@ class NewMeter(models.Form):
     model: Name = told("As on its type plate.")
     serial: Name = told("As on its type plate: the certificate holds for this meter alone.")
     certificate: Certificate | None = maybe("The calibration certificate that is in force for the readings.")
-
-    def columns(self) -> dict[str, Any]:
-        """The table's columns: the certificate lies flat in it."""
-        certificate = self.certificate.model_dump() if self.certificate else {}
-        return {
-            **self.model_dump(exclude={"certificate"}),
-            **{f"certificate_{name}": value for name, value in certificate.items()},
-        }
 
 
 class MeterAnswer(models.Answer, restates=Meter, fields="id kind make model serial created_at"):
