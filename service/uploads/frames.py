@@ -106,11 +106,7 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> tuple[Stor
             take(rest)
             filename = None if form is None else form.finish()
             if expected is not None and writer.sha256 != expected:
-                raise problems.Problem(
-                    interface.DIGEST_MISMATCH,
-                    f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
-                    "Send it again.",
-                )
+                raise differs(writer, expected, "Send it again.")
             if not admitted or writer.size_bytes > announced:
                 admit(writer.sha256, writer.size_bytes)
             return writer.commit(), filename
@@ -229,6 +225,11 @@ def _announced_sha256(request: Request) -> str | None:
     if re.fullmatch(r"[0-9a-fA-F]{64}", plain) is None:
         raise _bad_digest()
     return plain.lower()
+
+
+def differs(writer: BlobWriter, announced: str | None, advice: str, **headers: str) -> problems.Problem:
+    detail = f"The file arrived as SHA-256 {writer.sha256}, not the announced {announced}. {advice}"
+    return problems.Problem(interface.DIGEST_MISMATCH, detail, headers=headers)
 
 
 def _bad_digest() -> problems.Problem:

@@ -267,12 +267,8 @@ def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBl
             if facts.sha256 in {None, writer.sha256}:
                 return facts, writer.commit()
         partial.restart()
-    raise problems.Problem(
-        interface.DIGEST_MISMATCH,
-        f"The file arrived as SHA-256 {writer.sha256}, not the announced {facts.sha256}. "
-        "Send it again from the start.",
-        headers={"Upload-Offset": "0"},
-    )
+    again = "Send it again from the start."
+    raise frames.differs(writer, facts.sha256, again, **{"Upload-Offset": "0"})
 
 
 async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: StoredBlob) -> None:
