@@ -1,11 +1,11 @@
 """The grid of a campaign's frames: read in columns, changed many at once."""
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Final
 
 from fastapi import Query, Request, Response
+from fastapi.responses import JSONResponse
 from pydantic import Field, WithJsonSchema
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -131,8 +131,7 @@ def get_campaign_grid(
         since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
         next=connections.address_with(request, cursor=place) if place else None,
     )
-    body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
-    return Response(body, headers=headers, media_type="application/json")
+    return JSONResponse(answer.dump() | {"next": answer.next}, headers=headers)
 
 
 @router.patch("/frames", response_model=FramesChanged, responses=answers.problems(404, 409))

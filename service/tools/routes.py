@@ -196,10 +196,7 @@ def read_series(data: bytes, told: ExposureTable) -> NewExposureSeries:
     if told.white_level_dn is None:
         raise wrong("query.white_level_dn", "is missing: a table does not say it, so say it in the query")
     usual = told.model_dump(include=set(_SETTINGS), exclude_none=True)
-
-    def name_fields(columns: list[str]) -> list[str]:
-        return _name_fields(columns, told.signal, usual)
-
+    name_fields = partial(_name_fields, wanted=told.signal, usual=usual)
     kind = tables.Kind(numbers=_FIELDS, most=MOST_ROWS, rows_are="rows", usual=usual)
     dark = {} if told.dark_dn is None else {"dark_dn": told.dark_dn}
     rows = tables.read_sheet(data, ExposureRow, kind, name_fields)
