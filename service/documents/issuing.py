@@ -67,13 +67,17 @@ def build_issued(
 
 def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate]:
     """Return what was issued of a version; one that was published before that was kept is issued now."""
+    if (found := _look_up(context, calibration_id)) is None:
+        _issue_late(context, calibration_id)
+        found = _look_up(context, calibration_id)
+    return found or []
+
+
+def _look_up(context: Context, calibration_id: str) -> list[IssuedCertificate] | None:
+    """Return what was issued of a version; None of one that is published and still to be issued."""
     with context.database.reading() as session:
         found = publications.list_issued(session, calibration_id)
-        if found or not publications.is_published(session, calibration_id):
-            return found
-    _issue_late(context, calibration_id)
-    with context.database.reading() as session:
-        return publications.list_issued(session, calibration_id)
+        return None if not found and publications.is_published(session, calibration_id) else found
 
 
 class Backlog:
@@ -264,13 +268,7 @@ async def send_pdf(request: Request, context: Context, order: Callable[[], tuple
 
 async def _find(context: Context, calibration_id: str, amendment: int) -> IssuedCertificate | None:
     """Return what was issued of a version; None of a draft."""
-
-    def find() -> list[IssuedCertificate] | None:
-        with context.database.reading() as session:
-            found = publications.list_issued(session, calibration_id)
-            return None if not found and publications.is_published(session, calibration_id) else found
-
-    found = await run_in_threadpool(find)
+    found = await run_in_threadpool(_look_up, context, calibration_id)
     if found is None:
         found = await to_thread.run_sync(find_issued, context, calibration_id, limiter=context.presses)
     if amendment and amendment >= len(found):
