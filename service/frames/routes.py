@@ -232,16 +232,6 @@ class CampaignOptics(Form):
             return self.ground_speed_km_h / KM_H_PER_M_S
         return self.ground_speed_m_s
 
-    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
-        return MotionCase(
-            pixel_pitch_um=pixel_pitch_um,
-            focal_length_mm=self.focal_length_mm,
-            exposure_time_s=exposure_time_s,
-            distance_m=self.distance_m or 1.0,  # of no effect on rotation
-            ground_speed_m_s=self.speed_m_s,
-            limit_px=self.limit_px,
-        )
-
 
 class FrameMotionRow(Answer):
     """One frame's motion, flat; what is not known is absent, and `missing` says why."""
@@ -348,7 +338,17 @@ def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) ->
     row["frame_id"] = frame.id
     try:
         header, exposure_time_s = _read(frame)
-        case = optics.case(pixel_pitch_um, exposure_time_s)
+        taken: dict[str, float] = {
+            "exposure_time_s": exposure_time_s,
+            "pixel_pitch_um": pixel_pitch_um,
+            "focal_length_mm": optics.focal_length_mm,
+        }
+        case = MotionCase(
+            **taken,
+            distance_m=optics.distance_m or 1.0,  # of no effect on rotation
+            ground_speed_m_s=optics.speed_m_s,
+            limit_px=optics.limit_px,
+        )
         motion = compute_motion(case)
         forward_px = motion.forward_blur_px or 0.0
         row |= {
@@ -359,12 +359,7 @@ def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) ->
             # too long for the speed, whatever the rotation was
             "within_limit": False if forward_px > case.limit_px else None,
         }
-        blur = blur_of_file(
-            header,
-            exposure_time_s=exposure_time_s,
-            pixel_pitch_um=pixel_pitch_um,
-            focal_length_mm=optics.focal_length_mm,
-        )
+        blur = blur_of_file(header, **taken)
         theoretical = blur.centre_blur_px + forward_px
         row |= {
             "basis": blur.basis,
