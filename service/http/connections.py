@@ -27,12 +27,9 @@ class Hosts:
         entries = [entry.strip().rstrip("/") for entry in settings.allowed_hosts.split(",")]
         parts = [urlsplit(entry if "//" in entry else f"//{entry}") for entry in entries if entry]
         self._schemes = {part.netloc.lower(): part.scheme for part in parts}
+        self.are_listed = bool(parts)
         machine = socket.gethostname().lower()
         self._own = {"localhost", machine, f"{machine}.local", settings.host.lower()} - {""}
-
-    @property
-    def are_listed(self) -> bool:
-        return bool(self._schemes)
 
     def is_listed(self, host: str) -> bool:
         """Return whether the settings name this host, with its port or for any."""
