@@ -43,10 +43,6 @@ class Layout(records.Record):
     def unit(self) -> str:
         return str(json.loads(self.description)["unit"])
 
-    @property
-    def across(self) -> int:
-        return -(-self.width_px // self.tile_px)
-
 
 def read_layout(path: Path) -> Layout:
     """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated."""
@@ -90,7 +86,7 @@ def read_values(path: Path, layout: Layout, window: roi.Window, *, step: int) ->
 
 
 def _read_tile(file: BinaryIO, layout: Layout, row: int, col: int) -> Values:
-    index = row * layout.across + col
+    index = row * -(-layout.width_px // layout.tile_px) + col
     file.seek(layout.offsets[index])
     return _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
 
