@@ -143,11 +143,10 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
             raise wrong("query.step", message)
         lines = science.trace_isolines(plane, levels, step=step, left_px=window.col0, top_px=window.row0)
         vertices = sum(len(line) for each in lines for line in each.lines)
+        is_last = bool(asked.step) or 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES
         if vertices <= science.MOST_VERTICES and (
-            asked.step or not science.is_ragged(lines, found.uncertainty, step=step)
+            is_last or not science.is_ragged(lines, found.uncertainty, step=step)
         ):
-            break
-        if vertices <= science.MOST_VERTICES and 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES:
             break
         if asked.step is not None:
             message = f"the lines have {vertices} points: take a larger step, or fewer levels"
