@@ -116,7 +116,7 @@ def name_range(noun: str, names: Iterable[str]) -> str:
 
 def write_unit(unit: str) -> str:
     """Return a unit as print sets it, from the way in which it is typed."""
-    return unit.replace("*", "·").replace("m2", "m²")
+    return unit.replace("*", "·").replace("m2", "m²").replace("um", "µm")
 
 
 def label_axis(quantity: str, unit: str) -> str:

@@ -5,7 +5,15 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, time
 
-from radiometry.drawing.text import in_step, natural_key, sort_naturally, write_exposure, write_unit
+from radiometry.drawing.text import (
+    in_step,
+    label_axis,
+    natural_key,
+    sort_naturally,
+    write_exposure,
+    write_unit,
+)
+from radiometry.frame.multispectral import label_band
 from radiometry.methods import get_method
 from radiometry.specification.certificate import FRAME, Column
 from radiometry.specification.method import MethodSpec
@@ -112,7 +120,8 @@ def _summarise(spec: MethodSpec, certificate: Node, rows: list[Node]) -> Node:
         for row, verdict in zip(rows, stated or [[]] * len(rows), strict=True)
     ]
     head = ["", "value ± U", "U / value", "k", "dof", "unit", *(["largest residual", "verdict"] * judged)]
-    widths = [2.4, 2.3, 1.2, 0.7, 0.9, 1.7, *([1.2, 1.5] * judged)]
+    longest = max(len(line) for row in printed for line in row[0].split("\n"))
+    widths = [max(2.4, 0.1 * longest), 2.3, 1.2, 0.7, 0.9, 1.7, *([1.2, 1.5] * judged)]
     return table(head, printed, align="lrrrrl" + "rl" * judged, widths=widths)
 
 
@@ -152,7 +161,7 @@ def _holds_for(row: Node) -> str:
     named = [
         f"ISO {plain(row['iso'])}" if "iso" in row else "",
         f"f/{plain(row['f_number'])}" if "f_number" in row else "",
-        row.get("channel", row.get("band", "")),
+        row.get("channel", label_band(row.get("band", ""))),
         position if " " not in position else "",
     ]
     return ", ".join(name for name in named if name) or "-"
@@ -309,7 +318,7 @@ def _show_result(spec: MethodSpec, certificate: Node) -> Iterator[Node]:
     described = list(spec.certificate.describe(result)) or _flatten(scalars)
     yield facts(
         [
-            *([label.replace("_", " "), value] for label, value in described),
+            *([_label(name), value] for name, value in described),
             *([["vignetting correction", certificate["vignetting"]]] if spec.corrected_by else []),
         ]
     )
@@ -326,7 +335,13 @@ def _list_parameters(spec: MethodSpec, certificate: Node) -> list[list[str]]:
         label = known.label if known else name
         unit = f" {write_unit(known.unit)}" if known and known.unit not in ("", "1") else ""
         rows += [(text, f"{shown}{unit}") for text, shown in _flatten({label: value})]
-    return [[label.replace("_", " "), value] for label, value in rows]
+    return [[_label(name), value] for name, value in rows]
+
+
+def _label(name: str) -> str:
+    """Return a name as words, with its unit in brackets."""
+    words, _, unit = name.replace("_", " ").rpartition(" ")
+    return label_axis(words, unit) if unit in {"px", "um", "mm", "deg"} else f"{words} {unit}".strip()
 
 
 def _flatten(node: Mapping[str, object], stem: str = "") -> Iterator[tuple[str, str]]:
@@ -387,7 +402,7 @@ def _panels(certificate: Node) -> Iterator[Node]:
     fits = [each["coefficient"] for each in certificate["result"]["band_fits"]]
     for panel in certificate["panels"]:
         day, stated = panel["measured_on"], any(band.get("origin") for band in panel["bands"])
-        used = [each["band"] for each in fits if day in each.get("panel_measured_on", ())]
+        used = [label_band(each["band"]) for each in fits if day in each.get("panel_measured_on", ())]
         yield facts(
             [
                 ["Serial number", panel["serial"]],
@@ -396,7 +411,11 @@ def _panels(certificate: Node) -> Iterator[Node]:
             ]
         )
         rows = [
-            [band["band"], plain(band["reflectance"], 6), optional(band, "standard_uncertainty", plain)]
+            [
+                label_band(band["band"]),
+                plain(band["reflectance"], 6),
+                optional(band, "standard_uncertainty", plain),
+            ]
             for band in panel["bands"]
         ]
         yield table(["band", "R", "u(R)"], rows, align="lrr", widths=[2, 1, 1])

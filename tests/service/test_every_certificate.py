@@ -176,6 +176,7 @@ def test_every_number_on_paper_is_one_of_the_jsons(
     for name in headlines & {row["name"] for row in certificate["coefficients"]}:
         assert "".join(labels[name].split()) in "".join(first.split())
     assert "Draft: nobody has signed" in first
+    assert [raw for raw in ("red_edge", "rmspx", "pixelpitchum") if raw in whole] == []
     for frame in certificate["frames"]:
         assert frame["sha256"] in whole
     for statement in certificate["statements"]:
