@@ -124,7 +124,13 @@ def name_band(text: str) -> str:
 
 
 def label_band(name: str) -> str:
-    """Return the name of a band in words: red_edge is "red edge"."""
+    """Return the name of a band in words: red_edge is "red edge".
+
+    Parameters
+    ----------
+    name : str
+        Of the band.
+    """
     return name.replace("_", " ")
 
 

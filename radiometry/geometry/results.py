@@ -354,11 +354,12 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
     """Return the focal length, in mm where the pixel pitch is known, and the principal point."""
     named = {each["name"]: each for each in result["coefficients"]}
     focal = result.get("principal_distance_mm") or named["fx_px"]
+    dof, all_dof = result.get("effective_dof"), result["degrees_of_freedom"]
     return (
-        *of_quantity("Lens", "Focal length", focal),
-        *of_quantity("Principal point", "Column", named.get("cx_px")),
-        *of_quantity("Principal point", "Row", named.get("cy_px")),
-        *of_quantity("All views", "Error of a corner, rms", named.get("rms_px")),
+        *of_quantity("Lens", "Focal length", focal, dof=dof),
+        *of_quantity("Principal point", "Column", named.get("cx_px"), dof=dof),
+        *of_quantity("Principal point", "Row", named.get("cy_px"), dof=dof),
+        *of_quantity("All views", "Error of a corner, rms", named.get("rms_px"), dof=all_dof),
     )
 
 

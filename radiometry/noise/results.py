@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised, shared
-from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
+from radiometry.fitting.evidence import MOST_DOF, Exclusion, Extracted, FrameEvidence, Quantity, Region
 from radiometry.frame import Frame, FrameHeader, packing, roi
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 from radiometry.records import Record, about
@@ -283,7 +283,12 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
         for fit in fits
         if fit["channel"] == shown
         for name, label in _FIGURES
-        for figure in of_quantity(f"ISO {fit['iso']:g}", label, (fit.get("transfer") or {}).get(name))
+        for figure in of_quantity(
+            f"ISO {fit['iso']:g}",
+            label,
+            (fit.get("transfer") or {}).get(name),
+            dof=(fit.get("effective_dof") or {name: None}).get(name, MOST_DOF),
+        )
     )
 
 

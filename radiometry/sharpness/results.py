@@ -331,10 +331,11 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
         for each in here[:1] + here[1:][-1:]:
             group = each["position"] or ("centre" if each is here[0] else "corner")
             group += f", f/{f_number:g}" if f_number else ""
-            named = {row["name"]: row["quantity"] for row in each["coefficients"]}
+            named = {row["name"]: row for row in each["coefficients"]}
             name = next((name for name in _LABELS if name in named), None)
             if name is not None:
-                figures += of_quantity(group, f"{_LABELS[name]}, {shown}", named[name])
+                row, label = named[name], f"{_LABELS[name]}, {shown}"
+                figures += of_quantity(group, label, row["quantity"], dof=row.get("effective_dof"))
     return tuple(figures)
 
 

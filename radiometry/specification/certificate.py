@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Final, Literal
 
+from radiometry.fitting.curve import coverage_factor
 from radiometry.records import Record, about
 
 
@@ -90,11 +91,17 @@ class KeyFigure(Record):
     passed: bool | None = about("Verdict on it; None if there is none.", default=None)
 
 
-def of_quantity(group: str, label: str, quantity: Mapping[str, Any] | None) -> tuple[KeyFigure, ...]:
-    """Return the figure of a stored quantity, nothing if there is none."""
+def of_quantity(
+    group: str, label: str, quantity: Mapping[str, Any] | None, *, dof: float | None
+) -> tuple[KeyFigure, ...]:
+    """Return the figure of a stored quantity, with U where its degrees of freedom are known."""
     if quantity is None:
         return ()
     stated = {name: quantity[name] for name in ("value", "standard_uncertainty", "unit")}
+    if dof is not None:
+        factor = coverage_factor(dof)
+        expanded = factor * stated["standard_uncertainty"]
+        stated |= {"expanded_uncertainty": expanded, "coverage_factor": factor}
     return (KeyFigure(group=group, label=label, **stated),)
 
 

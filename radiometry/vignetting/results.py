@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from radiometry.drawing.figure import MOST, Axis, Cell, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_quantity
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import BudgetEntry, Exclusion
+from radiometry.fitting.evidence import MOST_DOF, BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed, unpack
 from radiometry.records import Record, about, later
-from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
+from radiometry.specification.certificate import Budget, KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes
 
@@ -228,19 +228,17 @@ def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    coefficients = [fit["coefficient"] for fit in result["channel_fits"]]
-    shown = choose_channel(c["channel"] for c in coefficients)
-    return tuple(
-        KeyFigure(
-            group=f"f/{c['f_number']:g}",
-            label=f"Corner falloff, {shown}",
-            value=100.0 * c["corner_falloff"],
-            standard_uncertainty=100.0 * c["corner_falloff_standard_uncertainty"],
-            unit="%",
-        )
-        for c in sorted(coefficients, key=lambda c: float(c["f_number"]))
-        if c["channel"] == shown
-    )
+    fits = sorted(result["channel_fits"], key=lambda fit: float(fit["coefficient"]["f_number"]))
+    shown, name = choose_channel(fit["coefficient"]["channel"] for fit in fits), "corner_falloff"
+    figures: list[KeyFigure] = []
+    for fit in fits:
+        c, dofs = fit["coefficient"], fit.get("effective_dof") or {name: None}
+        if c["channel"] == shown:
+            value, u = 100.0 * c[name], 100.0 * c[f"{name}_standard_uncertainty"]
+            quantity = {"value": value, "standard_uncertainty": u, "unit": "%"}
+            label = f"Corner falloff, {shown}"
+            figures += of_quantity(f"f/{c['f_number']:g}", label, quantity, dof=dofs.get(name, MOST_DOF))
+    return tuple(figures)
 
 
 Node = dict[str, Any]
@@ -297,7 +295,7 @@ def _build_falloff(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
                 series.append(Series(name=f"f/{c['f_number']:g}", line=line, swath=swath))
         yield Figure(
             part=channel,
-            x=Axis(label="distance from the centre, 1 at half of the diagonal"),
+            x=Axis(label="distance from the centre [half diagonals]"),
             y=Axis(label="share of the light [%]", include=(100.0,)),
             series=tuple(series),
         )

@@ -89,6 +89,10 @@ def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certi
         else:
             assert row["standard_uncertainty"] == 0.0 or method == "reflectance"
     assert methods.get_method(method).certificate.headlines & {row["name"] for row in stated}
+    shares = {row["expanded_uncertainty"] / abs(row["value"]) for row in stated if row["value"]}
+    for figure in version["key_figures"]:
+        share = figure["expanded_uncertainty"] / figure["value"]
+        assert min(abs(share / each - 1.0) for each in shares if each) < 1e-9
 
 
 @pytest.mark.parametrize("method", OTHERS)
