@@ -216,6 +216,20 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
         "47 Hz mains, LED with a simple or unknown driver: modulation assumed from 0 to 0.3",
     ):
         expect(night_page.locator("#with")).to_contain_text(said)
+    measure_the_same_again(night_page)
+
+
+def measure_the_same_again(page):
+    """What was drawn and stated for a measurement stands there when it is repeated with another version."""
+    page.get_by_role("link", name="Remeasure").click()
+    expect(page.get_by_role("textbox", name="Corners")).to_have_value("40,24 250,24 276,168 12,168")
+    expect(page.get_by_role("radio", name="Surface with cells")).to_be_checked()
+    expect(page.get_by_label("Average with")).to_have_values([re.compile("frm_")])
+    page.get_by_text("Light and surroundings").click()
+    typed = {"Rows of cells": "2", "Light source": "LED-B3", "Distance [m]": "30", "Glare [%]": "2"}
+    for label, stated in typed.items():
+        expect(page.get_by_label(label, exact=True)).to_have_value(stated)
+    expect(page.get_by_label("Kind of lamp")).to_have_value("led_ripple")
 
 
 # the far end of the road is twice as far as the near one, and half as wide

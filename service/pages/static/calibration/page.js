@@ -61,8 +61,6 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
   return state === "superseded" && from && to && new Date(from) <= now && now < new Date(to);
 }
 
-const drawVerdict = (found) => [found.diagnostics.iso_fits ? [verdictOf(found.diagnostics, found.parameters), conditions(found.diagnostics, found.parameters, found.method)] : null, keyFigures(found)];
-
 /** The few figures that the method chooses, with U where it is known, else with u. */
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
   if (!rows.length) return null;
@@ -159,7 +157,7 @@ start();
 
 async function start() {
   showStatus(calibration);
-  load(byId("verdict"), () => calibration, drawVerdict);
+  load(byId("verdict"), () => calibration, (found) => [found.diagnostics.iso_fits ? [verdictOf(found.diagnostics, found.parameters), conditions(found.diagnostics, found.parameters, found.method)] : null, keyFigures(found)]);
   load(byId("coefficients"), () => calibration, (found) => (found.diagnostics.iso_fits ? curves(found) : coefficients(found)));
   load(byId("flags"), async () => (await calibration).findings, drawFindings);
   load(byId("points"), () => calibration, (found) => drawPoints(found, { chosen, choose }));

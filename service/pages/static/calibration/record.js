@@ -109,7 +109,6 @@ function howOf({ method, parameters }) {
   return [choiceLabel(method, "model", parameters.model), left ? `${left} excluded` : ""].filter(Boolean).join(", ") || "default";
 }
 
-
 // `stilb` is stored; it is the version of the code that fits, which a release may leave as it is.
 const SOFTWARE = { stilb: "fit code version", release: "stilb" };
 
@@ -197,7 +196,7 @@ const verdictColumn = (exclude) => ({
   },
 });
 
-const residualColumn = { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? signed(point.residual_rel) : "–") };
+const residualColumn = { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? `${point.residual_rel > 0 ? "+" : ""}${fixed(100 * point.residual_rel, 2)} %` : "–") };
 
 const CURVE = [
   { head: "Scene", class: "nowrap", cell: (point) => point.scene },
@@ -209,7 +208,6 @@ const CURVE = [
 ];
 
 const present = (value) => value !== null && value !== undefined;
-const signed = (share) => `${share > 0 ? "+" : ""}${fixed(100 * share, 2)} %`;
 const withUnit = (value, unit, digits = 4) => (present(value) ? [number(value, digits), h("span", { class: "unit" }, ` ${unit}`)] : "–");
 
 /** A column for each figure that some point has; its uncertainty stands in it. */

@@ -165,8 +165,6 @@ function writeAddress(said, { step = false } = {}) {
   else history.replaceState(history.state, "", url);
 }
 
-const isStep = () => Boolean(history.state?.step);
-
 /** Keep in the history where the scroller is seen and how far it was scrolled; answers what goes there again, once. */
 function keepPlace(scroller) {
   const top = () => scroller.getBoundingClientRect().top;
@@ -324,7 +322,7 @@ export function gridSection(state) {
         if (!isClosed) sheet = null;
         if (!sheet) focusOn(last);
         if (isClosed || !readAddress().frame) return;
-        if (isStep()) history.back();
+        if (history.state?.step) history.back();
         else writeAddress({ frame: "" });
       },
     }));

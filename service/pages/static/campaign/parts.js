@@ -115,14 +115,12 @@ function calibrateSection(state) {
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state) : null, versions);
 }
 
-const fitLabel = ({ name }) => (coefficientLabel(name, headlineOf(name)).endsWith(" K") ? "Fit K" : "Fit");
-
 function starter(state) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
   const given = state.method.parameters.filter((each) => each.given_by === "campaign");
   const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
   const [progress, lacking] = [h("p", { class: "muted small", role: "status" }), h("div")];
-  const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
+  const button = h("button", { class: "primary", type: "submit" }, coefficientLabel(state.method.name, headlineOf(state.method.name)).endsWith(" K") ? "Fit K" : "Fit");
   const draw = () => {
     const { count, said } = readinessOf(state.campaign, state.sending);
     fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : said === "ready" ? "Nothing is missing." : "Frames are on their way."));

@@ -194,7 +194,7 @@ function readMacro(text) {
     if (numbers.some((number) => !Number.isFinite(number))) throw wrong(`${name} contains a value that is not a number: ${inside.trim().slice(0, 60)}`);
     if (name === "makeRectangle" && numbers.length !== 4) throw wrong("makeRectangle wants four numbers: x, y, width, height.");
     if (name === "makePolygon" && (numbers.length < 6 || numbers.length % 2)) throw wrong("makePolygon wants three corners or more, each with its x and its y.");
-    found.push({ name: /\/\/\s*(\S.*)/.exec(after)?.[1].trim(), points: name === "makeRectangle" ? rectangle(...numbers) : pairs(numbers) });
+    found.push({ name: /\/\/\s*(\S.*)/.exec(after)?.[1].trim(), points: name === "makeRectangle" ? rectangle(...numbers) : numbers.flatMap((x, i) => (i % 2 ? [] : [[x, numbers[i + 1]]])) });
   }
   if (!found.length) throw wrong("The text contains no makePolygon(...) or makeRectangle(...).");
   return found;
@@ -234,8 +234,6 @@ function readName(view, version) {
 }
 
 const rectangle = (x, y, width, height) => [[x, y], [x + width, y], [x + width, y + height], [x, y + height]];
-const pairs = (numbers) => numbers.flatMap((x, i) => (i % 2 ? [] : [[x, numbers[i + 1]]]));
-
 function imagejPart(editor) {
   const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", "aria-describedby": "imagej-hint", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });
   const show = () => {

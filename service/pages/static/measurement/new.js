@@ -6,7 +6,7 @@ import { statedPart } from "../campaign/parameters.js";
 import { isRead } from "../campaign/state.js";
 import { causeList } from "../causes.js";
 import { act, byId, empty, failed, fill, h, leave, load, may } from "../dom.js";
-import { counted, day, groupBy, inOrder, stateWords } from "../format.js";
+import { counted, day, groupBy, natural, stateWords } from "../format.js";
 import { isNight, labelOf, methodOf, titleOf } from "../methods.js";
 import { measureOne, regionPart } from "./region.js";
 
@@ -19,7 +19,6 @@ const region = regionPart();
 const settings = h("div", { class: "fields" });
 const place = h("fieldset", { class: "card" }, h("legend", { class: "legend" }, "Region"), region.element);
 const chosen = {};
-const SAME = ["scene", "exposure_time_s", "f_number", "iso"];
 const averaged = h("select", { multiple: true, size: 4 });
 const averagedField = field("Average with", averaged, "Repeats of the same view with the same settings: their noise averages. Optional.", "/docs/measuring#averaging");
 
@@ -31,7 +30,9 @@ form.addEventListener("submit", (event) => {
 
 async function begin() {
   if (!may("upload")) return empty("You cannot measure with this key", "Ask an admin for the permission “send”.");
-  const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
+  chosen.again = asked.has("again") ? await get(`/v1/measurements/${asked.get("again")}`) : undefined;
+  const of = chosen.again?.frame_id ?? asked.get("frame");
+  const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), of ? get(`/v1/frames/${of}`) : undefined]);
   if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();
   const first = wanted?.campaign_id ?? asked.get("campaign") ?? (able.find(isNight) ?? able[0])?.id;
@@ -63,17 +64,19 @@ async function begin() {
 }
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
-const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && isRead(each)).reverse();
+const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && isRead(each)).sort((a, b) => natural(a.filename, b.filename));
 
 async function choose(id) {
   chosen.all = id === ALL;
   const frame = chosen.all ? chosen.frames[0] : chosen.frames.find((each) => each.id === id);
   chosen.frame = frame;
-  const alike = chosen.frames.filter((each) => each.id !== id && SAME.every((name) => each[name] === frame[name]));
+  const alike = chosen.frames.filter((each) => each.id !== id && ["scene", "exposure_time_s", "f_number", "iso"].every((name) => each[name] === frame[name]));
   averaged.parentElement.hidden = chosen.all || !alike.length || !methodOf(chosen.campaign.method).measurement_options.includes("frame_ids");
-  fill(averaged, inOrder(chosen.all ? [] : alike, (each) => each.filename).map((each) => h("option", { value: each.id }, each.filename)));
+  fill(averaged, chosen.all ? [] : alike.map((each) => h("option", { value: each.id, selected: chosen.again?.frame_ids?.includes(each.id) }, each.filename)));
   const roi = frame.roi_id && !chosen.all ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
   if (chosen.frame === frame) region.show(chosen.all ? { ...frame, roi_id: null } : frame, roi?.polygon);
+  const { frame_id: repeated, region: before, region_origin: origin, grid } = chosen.again ?? {};
+  if (chosen.frame === frame && repeated === id && !["frame", "whole_frame"].includes(origin)) region.take(before, grid);
 }
 
 function offerSettings(versions) {
@@ -81,14 +84,17 @@ function offerSettings(versions) {
   const usual = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${stateWords(each.state)}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
   chosen.calibration = select(usual);
   chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
-  const { measurement_options: options } = methodOf(chosen.campaign.method);
+  const { measurement_options: options, conditions } = methodOf(chosen.campaign.method);
   // a method without options answers with the whole picture
   place.hidden = !options.length;
-  chosen.number = decimal();
-  chosen.formula = h("input", { type: "text", maxlength: 200, placeholder: "(nir - red) / (nir + red)" });
+  const { parameters: stated = {} } = chosen.again?.campaign_id === chosen.campaign.id ? chosen.again : {};
+  const quantities = [["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])];
+  const isListed = quantities.some(([name]) => name === stated.index);
+  chosen.number = decimal({ value: stated.reflectance ?? stated.incidence_angle_deg ?? "" });
+  chosen.formula = h("input", { type: "text", maxlength: 200, value: isListed ? "" : (stated.index ?? ""), placeholder: "(nir - red) / (nir + red)" });
   chosen.bands = h("input", { type: "checkbox", id: "with-bands" });
-  chosen.index = select([["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
-  chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions.map((each) => ({ ...each, manual: `/docs/measuring#${options.includes("index") ? "maps" : each.name}` })));
+  chosen.index = select(quantities, {}, isListed ? stated.index : stated.quantity);
+  chosen.conditions = statedPart(conditions.map((each) => ({ ...each, manual: `/docs/measuring#${options.includes("index") ? "maps" : each.name}` })), stated.conditions && Object.fromEntries(conditions.map(({ field: stored, name }) => [stored, stated.conditions[name]])));
   fill(settings,
     field("Calibration", chosen.calibration, null, about("MeasurementOptions", "calibration_id")),
     options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "Optional.", about("MeasurementOptions", "reflectance")) : null,
@@ -97,7 +103,7 @@ function offerSettings(versions) {
     options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Optional.", about("MeasurementOptions", "incidence_angle_deg")) : null,
     h("p", { class: "field" }, h("span", { class: "label-row" }, h("span", { class: "label" }, "Map"), manualLink("/docs/measuring#maps", "Map")), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
     options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label-row" }, h("span", { class: "label" }, "Bands"), manualLink("/docs/measuring#maps", "Bands")), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
-    methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, options.includes("index") ? "Place on the ground" : "Light and surroundings"), chosen.conditions.element) : null,
+    conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, options.includes("index") ? "Place on the ground" : "Light and surroundings"), chosen.conditions.element) : null,
   );
 }
 

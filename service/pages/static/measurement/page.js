@@ -19,7 +19,7 @@ const MOST_BESIDE = 24;
 async function drawNight() {
   const { items } = await get(`/v1/measurements?campaign_id=${(await measurement).campaign_id}&limit=${MOST_BESIDE}`);
   const inTime = [...items].sort((a, b) => (a.taken_at ?? "").localeCompare(b.taken_at ?? ""));
-  const link = (each) => h("a", { href: `/measurements/${each.id}`, "aria-current": each.id === id ? "page" : null, title: each.filename }, h("img", { src: `/v1/frames/${each.frame_id}/thumbnail.png`, alt: "", loading: "lazy" }), h("span", {}, each.taken_at?.slice(11, 16) ?? shortly(each.filename, 16)), h("span", { class: "muted" }, `${number(each.mean.value, 3)} ${each.mean.unit === "1" ? "" : unit(each.mean.unit)}`));
+  const link = (each) => h("a", { href: `/measurements/${each.id}`, "aria-current": each.id === id ? "page" : null, title: each.filename }, h("img", { src: `/v1/frames/${each.frame_id}/thumbnail.png`, alt: "", loading: "lazy" }), h("span", {}, each.taken_at?.slice(11, 16) ?? shortly(each.filename, 16)), h("span", { class: "muted" }, `${withUncertainty(each.mean.value, each.mean.standard_uncertainty).split(" ± ")[0]} ${each.mean.unit === "1" ? "" : unit(each.mean.unit)}`));
   return items.length > 1 ? h("nav", { class: "strip", "aria-label": "Measurements of the same night" }, inTime.map(link)) : null;
 }
 
@@ -135,7 +135,7 @@ const above = (found) => (found.seen_from ? ", seen from above" : "");
 
 function figures(found) {
   const { mean, grid } = found;
-  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.coverage_factor ? `; U = k u with k = ${number(found.coverage_factor, 3)} for 95 %` : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
+  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `± u, here ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.coverage_factor ? `; U = k u with k = ${number(found.coverage_factor, 3)} for 95 %` : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
   if (found.min) rows.push(["Range of pixels", range(found.min, found.max), mean.unit === "1" ? "" : unit(mean.unit)]);
   if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", range(found.l_min_cd_m2, found.l_max_cd_m2), "cd/m²"]);
@@ -229,7 +229,7 @@ async function drawableMap() {
 function withoutMap(found) {
   return [
     h("img", { class: "map-preview", src: `${found.links.frame}/preview.png`, alt: `Preview of ${found.filename}` }),
-    empty("No map", "The values are those of the region. Remeasure with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Remeasure") : null),
+    empty("No map", "The values are those of the region. Remeasure with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?again=${found.id}` }, "Remeasure") : null),
   ];
 }
 
@@ -238,7 +238,7 @@ function offer(found) {
     found.seen_from ? h("a", { class: "button", href: `/v1/measurements/${id}/report.pdf` }, "Report (PDF)") : null,
     found.grid?.lanes && may("calibrate") ? h("a", { class: "button", href: `/roads?from=${found.id}` }, "Evaluate as a road") : null,
     h("a", { class: "button", href: `/measurements?camera_id=${found.camera_id}&compare=${found.id}` }, "Compare with…"),
-    may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Remeasure") : null,
+    may("upload") ? h("a", { class: "button", href: `/measurements/new?again=${found.id}` }, "Remeasure") : null,
   );
 }
 
