@@ -165,3 +165,8 @@ def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
     settle(page)
     check_access(page)
     look(page, "fleet")
+    # what stands beside another question answers that one
+    page.get_by_label("Accepted deviation").fill("0.01")
+    expect(answer).to_be_empty()
+    page.get_by_role("button", name="Compare").click()
+    expect(answer.locator(".note")).to_contain_text("Luminance K at ISO")

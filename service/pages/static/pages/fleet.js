@@ -2,7 +2,7 @@ import { all, get, post } from "../api.js";
 import { boxes, field } from "../ask.js";
 import { act, byId, empty, fill, h, load, table } from "../dom.js";
 import { cameraName, capital, counted, groupBy, inOrder, number, quantity, tag } from "../format.js";
-import { METHODS, labelOf, methodOf, named, readTolerance } from "../methods.js";
+import { METHODS, coefficientLabel, labelOf, methodOf, named, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
 
 const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set per camera", "warn"], cannot_tell: ["inconclusive", ""] };
@@ -45,7 +45,7 @@ function form(models, rows) {
   model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
   offerMethod();
-  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
+  return h("form", { class: "card", oninput: () => fill(byId("fleet-answer")), onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
     h("div", { class: "fields" },
       field("Model", model, null, "/docs/fleet#repeats"),
       field("Method", method, null, "/docs/fleet#the-model"),
@@ -80,7 +80,7 @@ function shown(answer, place) {
   ];
   return [
     h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
-    h("p", { class: `note ${kind}` }, answer.said),
+    h("p", { class: `note ${kind}` }, answer.parameters.reduce((said, { name }) => said.replace(new RegExp(`\\b${name}\\b`, "g"), coefficientLabel(answer.method, name)), answer.said)),
     place,
     answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient", stack: true }) : null,
     answer.left_out.length ? [h("h3", {}, "Versions that did not count"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
