@@ -65,7 +65,11 @@ def check_published_rig(page, team, address, made):
     expect(page.locator("#said")).to_have_text("")
     expect(page.locator("#cameras").get_by_role("row").filter(has_text="R0")).to_contain_text("reference")
     expect(page.locator("#orientation")).to_contain_text("4 triggers")
-    expect(page.locator("#orientation")).to_contain_text(re.compile(r"5\.\d+ ± 0\.\d+ deg"))
+    expect(page.locator("#orientation")).to_contain_text(re.compile(r"Yaw \[°\].*5\.\d+ ± 0\.\d+", re.DOTALL))
+    # no quantity is cut off
+    assert page.locator("#orientation table").evaluate(
+        "table => table.parentElement.scrollWidth <= table.parentElement.clientWidth"
+    )
     expect(page.locator("#flags")).to_contain_text("few_triggers".replace("_", " "))
     stability = page.locator("#stability").get_by_role("row")
     expect(stability).to_have_count(7)

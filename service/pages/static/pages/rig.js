@@ -3,13 +3,12 @@
 import { get } from "../api.js";
 import { byId, empty, filename, fill, h, load, shorten, table } from "../dom.js";
 import { drawFindings } from "../causes.js";
-import { counted, number, quantity, tag, time } from "../format.js";
+import { capital, counted, fixed, inOrder, number, quantity, tag, time } from "../format.js";
 
 const { rigId, given } = document.querySelector("main").dataset;
 const cameras = [...document.querySelectorAll("[data-camera-id]")].map((each) => ({ id: each.dataset.cameraId, serial: each.dataset.serial, name: each.textContent }));
 const VERDICTS = { stable: "good", drifts: "bad", cannot_tell: "" };
-const ANGLES = [["yaw", "Yaw"], ["pitch", "Pitch"], ["roll", "Roll"], ["boresight", "Boresight"]];
-const PLACES = [["x", "x"], ["y", "y"], ["z", "z"]];
+const POSE = [...["yaw", "pitch", "roll", "boresight"].map((name) => [name, capital(name), "°"]), ...["x", "y", "z"].map((name) => [name, name, "m"])];
 const limits = { tolerance_deg: [byId("tolerance-deg"), 1], tolerance_m: [byId("tolerance-mm"), 0.001] };
 
 const ask = () => {
@@ -37,7 +36,7 @@ load(byId("cameras"), () => versions, (found) => {
 load(byId("orientation"), () => newest, (set) => {
   if (!set) return empty("Not oriented yet", "Photograph one board with all cameras at once, three times or more, in a campaign of each camera, and publish the versions.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const { poses, ...fit } = set.orientation;
-  const columns = [{ head: "Camera", header: true, cell: (pose) => h("span", { class: "mono" }, pose.camera) }, ...[...ANGLES, ...PLACES].map(([name, head]) => ({ head, class: "number", cell: (pose) => quantity(pose[name]) }))];
+  const columns = [{ head: "Camera", header: true, cell: (pose) => h("span", { class: "mono" }, pose.camera) }, ...POSE.map(([name, head, unit]) => ({ head: `${head} [${unit}]`, class: "number", cell: (pose) => quantity({ ...pose[name], unit: "1" }) }))];
   return [
     table(columns, poses, { caption: "Orientation of each camera against the reference", stack: true }),
     h("p", { class: "small muted" }, `${counted(fit.triggers, "trigger")}, ${number(fit.corners, 7)} corners. From trigger to trigger the orientation scatters by ${number(fit.scatter_deg, 2)}° and ${number(fit.scatter_mm, 2)} mm beyond the corners, which scatter ${number(fit.corner_scatter_rel, 3)} times as in the cameras’ own calibrations.`),
@@ -70,9 +69,9 @@ load(byId("pictures"), () => newest, (set) => {
     { head: "Status", cell: (point) => (point.used ? tag("used", "good") : h("span", {}, tag("not used", "warn"), h("span", { class: "small" }, ` ${point.left_out}`))) },
     { head: "Camera", cell: (point) => h("span", { class: "mono" }, point.camera) },
     { head: "Trigger", cell: (point) => point.trigger },
-    { head: "Residual [px]", class: "number", cell: (point) => number(point.rms_px, 2) },
+    { head: "Residual [px]", class: "number", cell: (point) => fixed(point.rms_px, 3) },
   ];
-  return shorten(set.orientation.points, (points) => table(columns, points, { caption: "Pictures of the newest set", stack: true }), 12);
+  return shorten(inOrder(set.orientation.points, (point) => point.frame), (points) => table(columns, points, { caption: "Pictures of the newest set", stack: true }), 12);
 });
 
 load(byId("sets"), () => answer, ({ sets, left_out: out }) => {
