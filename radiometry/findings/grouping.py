@@ -162,7 +162,7 @@ _IF_ASSUMED = {
     "spectral mismatch": "State what its correction names as not known, with the campaign of the calibration "
     "or with the night, or calibrate under a lamp of this kind: the spectral mismatch is the largest source.",
     "flicker": "State what its correction names as assumed, with the light of the place, or expose for a "
-    "whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is the largest source.",
+    "whole number of half periods of the mains (1/10 s suits 50 and 60 Hz): flicker is the largest source.",
     "focus distance": "State what its correction names as not known: the focus is the largest source.",
     "stray light": "Keep bright lamps out of the frame, and shade the lens, or state the glare that a black "
     "trap shows: stray light is the largest source.",

@@ -134,7 +134,7 @@ FLICKER_UNKNOWN = flag_measurement(
     "The mains frequency is not stated, and the exposure is short against its period: the budget "
     "assumes 50 or 60 Hz, whichever errs more.",
     "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose "
-    "for a whole number of half periods, such as 1/50 s.",
+    "for a whole number of half periods: 1/10 s suits 50 and 60 Hz.",
 )
 STRAY_LIGHT_UNKNOWN = flag_measurement(
     "The glare of the lens is not known: minimum and U_o may be too large. The budget assumes up "

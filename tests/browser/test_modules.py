@@ -134,7 +134,7 @@ def test_times_numbers_and_names_are_written_for_people(run):
     assert run(FORMAT, "exposureTime", seconds) == written
     assert run(FORMAT, "number", [1234.5, 12345, -0.25, 0.00001234]) == [
         "1235",
-        "12\u2009350",
+        "12\u202f350",
         "\u22120.25",
         "1.234 \u00d7 10⁻⁵",
     ]

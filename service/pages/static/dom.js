@@ -12,7 +12,7 @@ export function budgetBar(rows) {
     return part;
   });
   const bar = h("div", { class: "budget-bar", role: "img", "aria-label": named.map(({ source, share }) => `${source} ${Math.round(100 * share)} % of the variance`).join(", ") }, parts);
-  return [bar, h("p", { class: "caption" }, `Width: share of the variance.${rest.length ? ` Thin end: ${rest.map(({ source, said }) => `${source} ${said}`).join(", ")}.` : ""}`)];
+  return [bar, h("p", { class: "caption" }, `Width: share of the variance. In order: ${rows.map(({ source, said }) => `${source} ${said}`).join(", ")}.`)];
 }
 
 const AT_FIRST = 14;

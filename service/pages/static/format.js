@@ -14,7 +14,7 @@ function decimalsOf(uncertainty) {
   return 1 - Math.max(power, Math.floor(Math.log10(rounded)));
 }
 
-/** A plain number: at most `digits` significant digits, thin spaces in thousands. */
+/** A plain number: at most `digits` significant digits, narrow spaces that do not break in thousands. */
 export function number(value, digits = 4) {
   if (value === undefined || value === null) return "–";
   const size = Math.abs(value);
@@ -146,7 +146,7 @@ function scientific(value, digits) {
 
 function grouped(text) {
   const [whole, part] = text.replace("-", MINUS).split(".");
-  const spaced = whole.length > 4 + whole.startsWith(MINUS) ? whole.replace(/\B(?=(\d{3})+$)/g, "\u2009") : whole;
+  const spaced = whole.length > 4 + whole.startsWith(MINUS) ? whole.replace(/\B(?=(\d{3})+$)/g, "\u202f") : whole;
   return part === undefined ? spaced : `${spaced}.${part}`;
 }
 

@@ -234,6 +234,7 @@ function readName(view, version) {
 }
 
 const rectangle = (x, y, width, height) => [[x, y], [x + width, y], [x + width, y + height], [x, y + height]];
+
 function imagejPart(editor) {
   const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", "aria-describedby": "imagej-hint", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });
   const show = () => {
