@@ -92,12 +92,7 @@ def end(sock: Path) -> None:
 
 
 def _short_folder() -> Path:
-    for folder in (os.environ.get("XDG_RUNTIME_DIR"), tempfile.gettempdir(), "/tmp"):  # noqa: S108 (made private)
-        if (
-            folder
-            and len(os.fsencode(folder)) < 50
-            and _PLAIN.fullmatch(folder)
-            and os.access(folder, os.W_OK)
-        ):
+    for folder in (os.environ.get("XDG_RUNTIME_DIR", ""), tempfile.gettempdir(), "/tmp"):  # noqa: S108 (made private)
+        if len(os.fsencode(folder)) < 50 and _PLAIN.fullmatch(folder) and os.access(folder, os.W_OK):
             return Path(folder)
     raise Refusal("no short folder for Valkey's socket: choose a shorter STILB_DATA")
