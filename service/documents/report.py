@@ -159,11 +159,8 @@ def _list_notes(measurement: Node) -> Any:  # noqa: ANN401  a generator
 
 
 def _caption(measurement: Node, reported: Reported) -> str:
-    drawn = "The white outline is the region" + (
-        "; the thin lines are the cells, row 1 and column 1 at the grid's first corner."
-        if "grid" in measurement
-        else "."
-    )
+    cells = "; the thin lines are the cells, row 1 and column 1 at the grid's first corner"
+    drawn = f"The white outline is the region{cells if 'grid' in measurement else ''}."
     if reported.has_map:
         return f"Luminance in false colours with its scale. {drawn}"
     missing = "Measured without a map: measure again with a map for false colours and their scale."
@@ -174,12 +171,10 @@ def tabulate_cells(grid: Node) -> Node:
     rows, columns = grid["rows"], grid["columns"]
     shown, between = grid["cells"][:_MOST_CELLS], " ± " if columns <= _WIDE else "\n± "
     wide = min(columns, _MOST_CELLS)
-    cut = rows > _MOST_CELLS or columns > _MOST_CELLS
-    caption = "Mean of each cell ± standard uncertainty in cd/m², in order of the surface." + (
-        f" The first {len(shown)} of {rows} rows and {wide} of {columns} columns; all are in cells.csv."
-        if cut
-        else ""
-    )
+    caption = "Mean of each cell ± standard uncertainty in cd/m², in order of the surface."
+    if rows > _MOST_CELLS or columns > _MOST_CELLS:
+        caption += f" The first {len(shown)} of {rows} rows and {wide} of {columns} columns; "
+        caption += "all are in cells.csv."
     written = [
         [
             str(n),
