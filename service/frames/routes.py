@@ -89,15 +89,13 @@ def list_frames(
     """A campaign's frames, oldest first, without those that were withdrawn."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id)
     rows = rows.where(FrameRow.withdrawn_at.is_not(None) if withdrawn else FrameRow.withdrawn_at.is_(None))
-    return paging.send(
-        session,
-        rows,
-        lambda found: (
-            [answer.model_copy(update={"metadata": None}) for answer in answer_frames(session, found, {})]
-            if brief
-            else answer_frames(session, found, _find_verdicts(context, session, found))
-        ),
-    )
+
+    def shape(found: list[FrameRow]) -> list[FrameAnswer]:
+        if brief:
+            return [each.model_copy(update={"metadata": None}) for each in answer_frames(session, found, {})]
+        return answer_frames(session, found, _find_verdicts(context, session, found))
+
+    return paging.send(session, rows, shape)
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer)
@@ -125,16 +123,13 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: a
     if (left_out := said.pop("left_out", None)) is not None:
         reason = {"reason": body.reason or "Left out in the grid.", "by": caller.named}
         frame.left_out = reason if left_out else None
-    changed = False
-    if (withdrawn := said.pop("withdrawn", None)) is not None and withdrawn != (
-        frame.withdrawn_at is not None
-    ):
+    was_withdrawn = frame.withdrawn_at is not None
+    if (withdrawn := said.pop("withdrawn", was_withdrawn)) != was_withdrawn:
         frame.withdrawn_at = utc_now() if withdrawn else None
-        # the campaign's region may have changed meanwhile
-        changed = not withdrawn
     supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
     said["supplied"] = {**frame.supplied, **supplied}
-    return _read_again(session, frame, caller, said, anyway=changed)
+    # one that is restored anyway: the campaign's region may have changed meanwhile
+    return _read_again(session, frame, caller, said, anyway=was_withdrawn and not withdrawn)
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
