@@ -267,13 +267,9 @@ def _compare(context: Context, manifest: Manifest) -> tuple[list[MissingFile], M
 
 def _list_received(files: Sequence[Any], stored: Mapping[str, Row[Any]]) -> list[ReceivedFile]:
     first: dict[str, str] = {}
-    return [
-        ReceivedFile.restate(
-            file,
-            stored[file["sha256"]],
-            same_as=name
-            if (name := first.setdefault(file["sha256"], file["name"])) != file["name"]
-            else None,
-        )
-        for file in files
-    ]
+    received = []
+    for file in files:
+        name = first.setdefault(file["sha256"], file["name"])
+        same_as = name if name != file["name"] else None
+        received.append(ReceivedFile.restate(file, stored[file["sha256"]], same_as=same_as))
+    return received
