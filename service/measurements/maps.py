@@ -245,24 +245,23 @@ def open_map(context: Context, row: tables.Measurement) -> Iterator[OpenMap]:
         calibration = session.get_one(tables.Calibration, row.calibration_id)
     with context.files.local(sha256) as file:
         blobs.prove_file(file)
-        layout = read_layout(file.path)
-        known, mean = maps.read_uncertainty(row.result), row.result.get("mean", {})
-        likeness = maps.find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
+        uncertainty = None
+        if (known := maps.read_uncertainty(row.result)) is not None:
+            cfa, channel = (frame.header or {}).get("cfa", ""), row.result.get("channel", "")
+            uncertainty = maps.PixelUncertainty(
+                relative=known.u_rel,
+                constant=known.u_constant,
+                pixel=known.u_pixel,
+                reference=row.result["mean"]["value"],
+                likeness=maps.find_likeness(cfa, channel),
+            )
         yield OpenMap(
             row=row,
             frame=frame,
             calibration=calibration,
             path=file.path,
-            layout=layout,
-            uncertainty=None
-            if known is None
-            else maps.PixelUncertainty(
-                relative=known.u_rel,
-                constant=known.u_constant,
-                pixel=known.u_pixel,
-                reference=mean["value"],
-                likeness=likeness,
-            ),
+            layout=read_layout(file.path),
+            uncertainty=uncertainty,
         )
 
 
