@@ -166,9 +166,8 @@ def _read_query(query: bytes) -> Wanted | None:
     try:
         pairs = parse_qsl(query.decode("ascii"), keep_blank_values=True, errors="strict")
         asked = dict(pairs)
-        if len(asked) < len(pairs) or not all(
-            operations.NUMBER.fullmatch(asked[name]) for name in ("iso", "f_number") if name in asked
-        ):
+        numbers = [asked[name] for name in ("iso", "f_number") if name in asked]
+        if len(asked) < len(pairs) or not all(map(operations.NUMBER.fullmatch, numbers)):
             return None
         return Wanted.model_validate(asked)
     except (ValidationError, ValueError):
