@@ -116,3 +116,12 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     page.get_by_role("button", name="Use for this frame").click()
     expect(region).to_contain_text("own region is shown. To replace it")
     assert team.client.frame(sent.id).raw["roi_origin"] == "drawn"
+    flown = team.client.push(
+        campaign.id, data_file(f"rededge/{IMAGE.replace('0000_1', '0001_1')}"), role="field"
+    )
+    service.wait_for_jobs([flown.id])
+    page.goto(f"/measurements/new?frame={flown.id}")
+    settle(page)
+    expect(page.get_by_role("radio", name="New region")).to_be_visible()
+    # of what is lit by the sun nobody asks for lanes, and a grid would be refused
+    expect(page.get_by_role("radio", name="Lane grid")).to_be_hidden()

@@ -216,13 +216,12 @@ function ownColumns(points) {
   const names = known.filter((name) => !name.includes(U));
   return names.map((name) => {
     const numeric = points.some((point) => typeof point[name] === "number");
-    const u = known.find((each) => each.includes(U) && (each === withU(name) || (name === "value" && each === U)));
+    const u = known.find((each) => each.includes(U) && (each === (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_rel`) : `${name}_${U}`) || (name === "value" && each === U)));
     return { head: titleOf(WRITTEN[name] ? [WRITTEN[name][0], ""] : headOf(name === "value" ? points[0].figure : name)), class: numeric ? "number" : null, cell: (point) => figure(name, point[name], point[u]) };
   });
 }
 
 /** i_sq_standard_uncertainty, gradient_standard_uncertainty_rel */
-const withU = (name) => (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_rel`) : `${name}_${U}`);
 
 function figure(name, value, u) {
   if (!present(value)) return "–";

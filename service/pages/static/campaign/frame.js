@@ -32,7 +32,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     const seen = isRead(frame);
     if (seen) viewer.show(frame, roi);
     // the viewer stays where it is: its buttons keep their focus
-    if (!seen || !look.contains(viewer.element)) fill(look, seen ? viewer.element : unread(), others);
+    if (!seen || !look.contains(viewer.element)) fill(look, seen ? viewer.element : h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused."), others);
     if (!isPressed(others)) fill(others, beside(state, state.byId.get(id), show));
     state.pictures.show();
   };
@@ -107,8 +107,6 @@ export function openFrame(state, first, { order, walked: goes, back }) {
 }
 
 const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
-
-const unread = () => h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
 
 function beside(state, known, show) {
   const same = state.frames.filter((frame) => frame.role === known.role && frame.scene === known.scene);

@@ -31,7 +31,7 @@ function apart(campaigns, cameras) {
 
 function rows(campaigns, cameras, caption) {
   const columns = [
-    { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
+    { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? `${isNight(each) ? "Measuring night" : labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`) },
     { head: "Method", cell: (each) => h("span", { class: "tag" }, labelOf(each.method)) },
     { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
     { head: "Recorded by", cell: (each) => each.recorder ?? "–" },
@@ -40,8 +40,6 @@ function rows(campaigns, cameras, caption) {
   ];
   return table(columns, campaigns, { caption, stack: true });
 }
-
-const nameOf = (each, cameras) => `${isNight(each) ? "Measuring night" : labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
 
 function cameraOf(each, cameras) {
   const camera = cameras.get(each.camera_id);

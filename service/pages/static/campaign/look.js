@@ -25,7 +25,7 @@ export function lookPart(onClipping) {
     const { signal } = asked;
     element.classList.add("stale");
     if (!region.closed || !frame) {
-      told.textContent = frame ? hintOf(region.points) : "Select a frame that has been read.";
+      told.textContent = frame ? (region.points.length ? `${counted(region.points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Drag a rectangle on the preview, or click on each corner.") : "Select a frame that has been read.";
       fill(shown);
       onClipping(null);
       return;
@@ -47,8 +47,6 @@ export function lookPart(onClipping) {
   }
   return { element, look };
 }
-
-const hintOf = (points) => (points.length ? `${counted(points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Drag a rectangle on the preview, or click on each corner.");
 
 function rows(statistics) {
   const columns = [

@@ -161,10 +161,8 @@ export function frameCell(frame, { place, chosen, compact }) {
   );
 }
 
-const suggest = (seconds) => (seconds < 0.3 ? `1/${Number((1 / seconds).toPrecision(2))} s` : `${Number(seconds.toPrecision(2))} s`);
-
 function gapCell(gap, { place, compact }) {
-  const how = typeset([gap.exposure_time_s && suggest(gap.exposure_time_s), gap.text].filter(Boolean).join(": "));
+  const how = typeset([gap.exposure_time_s && (gap.exposure_time_s < 0.3 ? `1/${Number((1 / gap.exposure_time_s).toPrecision(2))} s` : `${Number(gap.exposure_time_s.toPrecision(2))} s`), gap.text].filter(Boolean).join(": "));
   return h("button", { type: "button", class: "cell-gap", tabindex: "-1", title: how },
     compact ? [h("b", { "aria-hidden": "true" }, "+"), hidden(`To photograph ${how}`)] : [h("b", {}, "To photograph"), " ", h("span", {}, how)],
     place ? hidden(`(${place})`) : null,

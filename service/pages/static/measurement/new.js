@@ -87,6 +87,7 @@ function offerSettings(versions) {
   const { measurement_options: options, conditions } = methodOf(chosen.campaign.method);
   // a method without options answers with the whole picture
   place.hidden = !options.length;
+  region.offer(["drawn", "set", ...(options.includes("grid") ? ["grid", "lanes"] : [])]);
   const { parameters: stated = {} } = chosen.again?.campaign_id === chosen.campaign.id ? chosen.again : {};
   const quantities = [["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])];
   const isListed = quantities.some(([name]) => name === stated.index);

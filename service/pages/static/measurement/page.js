@@ -19,7 +19,7 @@ const MOST_BESIDE = 24;
 async function drawNight() {
   const { items } = await get(`/v1/measurements?campaign_id=${(await measurement).campaign_id}&limit=${MOST_BESIDE}`);
   const inTime = [...items].sort((a, b) => (a.taken_at ?? "").localeCompare(b.taken_at ?? ""));
-  const link = (each) => h("a", { href: `/measurements/${each.id}`, "aria-current": each.id === id ? "page" : null, title: each.filename }, h("img", { src: `/v1/frames/${each.frame_id}/thumbnail.png`, alt: "", loading: "lazy" }), h("span", {}, each.taken_at?.slice(11, 16) ?? shortly(each.filename, 16)), h("span", { class: "muted" }, `${withUncertainty(each.mean.value, each.mean.standard_uncertainty).split(" ± ")[0]} ${each.mean.unit === "1" ? "" : unit(each.mean.unit)}`));
+  const link = (each) => h("a", { href: `/measurements/${each.id}`, "aria-current": each.id === id ? "page" : null, title: each.filename }, h("img", { src: `/v1/frames/${each.frame_id}/thumbnail.png`, alt: "", loading: "lazy" }), h("span", {}, each.taken_at?.slice(11, 16) ?? shortly(each.filename, 16)), h("span", { class: "muted" }, `${withUncertainty(each.mean.value, each.mean.standard_uncertainty).split(" ± ")[0]} ${each.mean.unit === "1" ? (each.index ? titleOf(each) : words(each.signal)) : unit(each.mean.unit)}`));
   return items.length > 1 ? h("nav", { class: "strip", "aria-label": "Measurements of the same night" }, inTime.map(link)) : null;
 }
 
@@ -122,7 +122,7 @@ function level({ properties }) {
 function drawFigures(found) {
   const apart = found.grid && found.region_origin !== "grid" ? " The cells are those of the surface, not of this region." : "";
   return [
-    found.mean ? h("p", { class: apart ? "note warn" : "small muted" }, `Mean, median, range${found.illuminance ? ", illuminance" : ""}: of ${regionOf(found)}.${apart}`) : null,
+    found.mean ? h("p", { class: apart ? "note warn" : "small muted" }, `Mean${found.median ? ", median" : ""}${found.min ? ", range" : ""}${found.illuminance ? ", illuminance" : ""}: of ${regionOf(found)}.${apart}`) : null,
     found.seen_from ? h("p", { class: "note" }, h("strong", {}, "Seen from above. "), found.seen_from_detail) : null,
     h("dl", { class: "figures" }, figures(found).map((each) => figure(...each))),
     found.index ? bands(found.index) : null,
@@ -131,14 +131,13 @@ function drawFigures(found) {
 }
 
 const range = (...ends) => h("span", { class: "nowrap" }, ends.map(({ value, standard_uncertainty: u }) => withUncertainty(value, u).split(" ± ")[0]).join(" – "));
-const above = (found) => (found.seen_from ? ", seen from above" : "");
 
 function figures(found) {
   const { mean, grid } = found;
   const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `± u, here ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.coverage_factor ? `; U = k u with k = ${number(found.coverage_factor, 3)} for 95 %` : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
   if (found.min) rows.push(["Range of pixels", range(found.min, found.max), mean.unit === "1" ? "" : unit(mean.unit)]);
-  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", range(found.l_min_cd_m2, found.l_max_cd_m2), "cd/m²"]);
+  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${found.seen_from ? ", seen from above" : ""}`], ["Range of cells", range(found.l_min_cd_m2, found.l_max_cd_m2), "cd/m²"]);
   if (found.u_l) rows.push(["Longitudinal uniformity U_l, worst row", quantity(found.u_l.reduce((worst, each) => (each.value < worst.value ? each : worst)))]);
   if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
   if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);

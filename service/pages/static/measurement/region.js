@@ -107,6 +107,11 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
       canvas.show({ url, width: frame.width_px, height: frame.height_px });
       begin(frame.roi_id && offered.includes("set") ? "set" : kind);
     },
+    /** Offer the kinds of a method. */
+    offer(names) {
+      for (const each of kinds.querySelectorAll("input")) each.parentElement.hidden = !names.includes(each.value);
+      if (!names.includes(kind)) begin("drawn");
+    },
     paint: (url) => canvas.picture.setAttribute("href", url),
     /** Begin with corners that were measured before, so that they can be moved. */
     take(points, grid = null) {
