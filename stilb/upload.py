@@ -240,7 +240,7 @@ def _send_resumably(
             if not problem.retryable:
                 raise
             if problem.code == DAMAGED and hash_file(path) != sha256:
-                raise OSError(f"{path} is still being written: push again when it is complete") from problem
+                raise _unfinished(path) from problem
             damaged += problem.code == DAMAGED
             told = transport.send(Call(method="HEAD", path=place, headers=_TUS)).headers
             if int(told["Upload-Offset"]) > offset:
@@ -254,11 +254,17 @@ def _send_resumably(
     return transport.json(Call(method="GET", path=told["Content-Location"]))
 
 
+def _unfinished(path: Path) -> OSError:
+    return OSError(f"{path} is still being written: push again when it is complete")
+
+
 def _stream(path: Path, count: Count, offset: int, length: int) -> Iterator[bytes]:
     end = offset + length
     with path.open("rb") as file:
         file.seek(offset)
-        while chunk := file.read(min(end - offset, _CHUNK_BYTES)):
+        while offset < end:
+            if not (chunk := file.read(min(end - offset, _CHUNK_BYTES))):
+                raise _unfinished(path)
             yield chunk
             offset += len(chunk)
             count(offset)

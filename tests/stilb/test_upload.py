@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import os
 import tracemalloc
 
 import pytest
@@ -228,6 +229,18 @@ def test_a_file_that_has_grown_since_it_was_hashed_is_named_and_not_sent_for_eve
     assert isinstance(error, OSError)
     assert "grows.DNG is still being written: push again when it is complete" in str(error)
     assert len(told) <= 1
+
+
+def test_a_file_that_shrinks_while_it_is_sent_is_named_and_ends_nothing(team, tmp_path):
+    paths = [write_frame(tmp_path / name, shape=(1000, 600), serial=name) for name in ("cut.DNG", "b.DNG")]
+    uploads = [stilb.Upload(campaign_id=team.campaign().id, path=path, role="light") for path in paths]
+
+    def cut(_):
+        os.truncate(paths[0], MEGABYTE)
+
+    error, sent = team.client.push_each(uploads, concurrency=1, on_progress=cut)
+    assert f"{paths[0]} is still being written" in str(error)
+    assert sent.filename == "b.DNG"
 
 
 def test_one_file_that_cannot_be_sent_does_not_keep_the_others(service, client, dng, tmp_path):
