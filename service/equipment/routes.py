@@ -1,9 +1,10 @@
 """Cameras, meters, panels and rigs."""
 
+import hashlib
 from collections.abc import Sequence
 from typing import Annotated, Any, get_args, get_type_hints
 
-from fastapi import Depends, Query, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -326,17 +327,20 @@ def _find_sets(
 
 
 def _add_export(export: RigExport) -> None:
-    def send(rig: lookup.Own[Rig], caller: Reader, context: UsesContext, chosen: Versions) -> Response:
+    def send(
+        rig: lookup.Own[Rig], caller: Reader, context: UsesContext, chosen: Versions, request: Request
+    ) -> Response:
         found, _ = _orient_sets(rig, caller, context, chosen.calibration_id)
         if not found:
             raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
         members, orientation = found[-1]
         written = export.write(orientation, [each.member for each in members], rig.name)
-        return Response(written, media_type=export.media_type)
+        headers = answers.standing(request, hashlib.sha256(written.encode()).hexdigest())
+        return Response(written, headers=headers, media_type=export.media_type)
 
     stated = answers.sends_file(export.media_type)
     if export.operation == "get_rig_json":
-        stated = {"response_model": RigFile, "responses": answers.problems(404)}
+        stated = answers.sends(RigFile, 404)
     stated |= {"name": export.operation, "description": export.description}
     rigs_router.add_api_route(f"/{{rig_id}}/exports/{export.filename}", send, **stated)
 

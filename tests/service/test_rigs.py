@@ -50,6 +50,8 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house):
     assert storage.getNode("serial_1").string() == plain["serial_1"] == "R1"
     np.testing.assert_allclose(storage.getNode("R_1").mat(), pose["matrix"], atol=1e-12)
     np.testing.assert_allclose(storage.getNode("T_1").mat().ravel(), pose["translation_m"], atol=1e-12)
+    kept = {"If-None-Match": written.headers["ETag"]}
+    assert house.http.get(f"{path}/exports/opencv.yaml", headers=kept).status_code == 304
     exported = house.get(f"{path}/exports/rig.json")
     assert [each["serial"] for each in exported["cameras"]] == ["R0", "R1"]
 
