@@ -81,7 +81,7 @@ def ask(house, requests, *keys):
             for (name, (method, address, body)), key in zip(requests, cycle(keys), strict=False):
                 headers = {"Content-Type": body.kind, "Content-Encoding": body.encoding}
                 headers |= ({"Authorization": key} if key else {}) | body.headers
-                for _ in range(3):
+                for _ in range(6):
                     begun, loop.longest_s = time.process_time(), 0.0
                     answer = await http.request(method, address, content=body.content, headers=headers)
                     cost = time.process_time() - begun, loop.longest_s
