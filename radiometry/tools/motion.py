@@ -59,10 +59,10 @@ class Motion(Record):
     theoretical_blur_px: float | None = about("Rotation and speed together, in the worst direction [px].")
     practical_blur_px: float | None = about("Half of the theoretical blur [px].")
     tolerable_rate_deg_s: float = about(
-        "Rotation rate at which rotation alone reaches `limit_px` of THEORETICAL motion [deg/s]."
+        "Rotation rate at which rotation alone reaches `limit_px` of theoretical motion [deg/s]."
     )
     longest_exposure_s: float | None = about(
-        "Exposure time at which the theoretical motion reaches `limit_px` [s]; None if nothing moves."
+        "Exposure time at which the theoretical motion reaches `limit_px` [s]; absent if nothing moves."
     )
 
 

@@ -9,7 +9,7 @@ from tests.support.browser import check_access, look, settle
 MOTION = {
     "Pixel pitch [µm]": "4.65",
     "Focal length [mm]": "9",
-    "Exposure time [s]": "0.0025",
+    "Exposure time [s]": "1/400 s",
     "Distance [m]": "100",
     "Ground speed [m/s]": "15",
 }
@@ -21,6 +21,11 @@ def test_calculators_answer_with_units_and_lead_into_the_manual(night_page):
     page.get_by_role("link", name="Calculators").click()
     for label, value in MOTION.items():
         page.get_by_label(label, exact=True).fill(value)
+    page.get_by_label("Ground speed [km/h]", exact=True).fill("54")
+    page.get_by_role("button", name="Compute").press("Enter")
+    expect(page.get_by_role("alert")).to_contain_text("ground speed in m/s or ground speed in km/h, not both")
+    page.context.complaints.clear()
+    page.get_by_label("Ground speed [km/h]", exact=True).fill("")
     page.get_by_role("button", name="Compute").press("Enter")
     rows = page.locator("#answer").get_by_role("row")
     expect(rows.filter(has_text=re.compile("^Theoretical blur"))).to_contain_text("0.7258")

@@ -96,7 +96,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     load(tell, () => Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]), ([frame, roi]) => {
       const unfolded = tell.querySelector("details")?.open;
       drawLook(frame, roi);
-      if (isRead(frame)) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
+      if (isRead(frame)) histogram.look(frame, { points: roi?.polygon ?? [[0, 0], [frame.width_px, 0], [frame.width_px, frame.height_px], [0, frame.height_px]], closed: true });
       return [verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), file(frame, unfolded)];
     }).then(keepFocus);
   }
@@ -105,8 +105,6 @@ export function openFrame(state, first, { order, walked: goes, back }) {
   openDialog(dialog);
   return { show, close: () => dialog.close() };
 }
-
-const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
 
 function beside(state, known, show) {
   const same = state.frames.filter((frame) => frame.role === known.role && frame.scene === known.scene);

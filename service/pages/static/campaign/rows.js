@@ -231,7 +231,7 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
     element.setAttribute("aria-rowindex", index + 1 + head.children.length);
     row.line = line;
     const headMark = JSON.stringify([line.row.label, line.first && reads ? lookOfHead(book, line.row.value) : 0]);
-    if (row.head !== headMark && !typedIn(element.firstChild)) {
+    if (row.head !== headMark && !(element.firstChild.contains(document.activeElement) && document.activeElement.matches("input") && document.activeElement.value !== document.activeElement.defaultValue)) {
       row.head = headMark;
       const typing = element.firstChild.contains(document.activeElement) && document.activeElement.matches("[data-reading]");
       fill(element.firstChild, line.first ? headOf(line.row) : h("span", { class: "hidden" }, line.row.label));
@@ -276,4 +276,3 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
 }
 
 /** What somebody types is not taken from under their hands. */
-const typedIn = (place) => place.contains(document.activeElement) && document.activeElement.matches("input") && document.activeElement.value !== document.activeElement.defaultValue;

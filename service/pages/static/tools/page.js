@@ -2,7 +2,7 @@
 
 import { send } from "../api.js";
 import { act, byId, fill, h, prose, table, wrong } from "../dom.js";
-import { WRITTEN, headOf, number, quantity, tag, titleOf } from "../format.js";
+import { WRITTEN, capital, headOf, number, quantity, tag, titleOf } from "../format.js";
 import { field, numberOf } from "../ask.js";
 import { TOOLS } from "../calculators.js";
 
@@ -11,6 +11,9 @@ const { form: schema, answer: answers, takes_table: takesTable } = TOOLS[tool];
 const KNOWN = { ...schema.properties, ...answers.properties };
 const path = `/v1/tools/${tool}`;
 const EXAMPLE = "exposure_time_s,f_number,iso,signal_dn\n0.001,4,200,410\n0.002,4,200,812\n0.004,4,200,1615\n0.008,4,200,3220";
+const labelled = (sentence) => sentence?.replace(/`?\b([a-z]+(?:_[a-z0-9]+)+)\b`?/g, (all, name) => (name in KNOWN ? headOf(name).filter(Boolean).join(" in ") : all));
+const told = (sentence) => prose(labelled(sentence));
+const plainly = (error) => Promise.reject(error.code === "validation_failed" ? wrong(`${capital(labelled(error.message.replace(/^body\.\d+: /, "")))}.`) : error);
 
 const inputs = Object.entries(schema.properties).map(([name, stated]) => {
   const type = stated.anyOf?.[0] ?? stated;
@@ -33,10 +36,6 @@ const kept = new URLSearchParams(location.search);
 for (const { name, input } of inputs) if (kept.has(name)) input.value = kept.get(name);
 if (kept.size && form.checkValidity()) form.requestSubmit();
 
-function told(sentence) {
-  return prose(sentence?.replace(/`?\b([a-z]+(?:_[a-z0-9]+)+)\b`?/g, (all, name) => (name in KNOWN ? headOf(name)[0] : all)));
-}
-
 function hintOf({ description }, { minimum, maximum, type }) {
   const range = type === "string" || minimum === undefined ? "" : `Between ${number(minimum)} and ${number(maximum)}.`;
   return [description ? [told(description), " "] : null, range];
@@ -44,7 +43,8 @@ function hintOf({ description }, { minimum, maximum, type }) {
 
 function read() {
   const said = inputs.map(({ name, input, isText, title, minimum, maximum }) => {
-    const value = isText ? input.value.trim() || undefined : numberOf(input);
+    const [, above, below] = (name === "exposure_time_s" && /^\s*(\d+)\/(\d+)( ?s)?\s*$/.exec(input.value)) || [];
+    const value = isText ? input.value.trim() || undefined : below ? above / below : numberOf(input);
     if (!isText && (value < minimum || value > maximum)) throw wrong(`${title}: between ${number(minimum)} and ${number(maximum)}.`);
     return [name, value];
   });
@@ -55,7 +55,7 @@ async function compute(earlier) {
   const typed = read();
   history.replaceState(history.state, "", `${location.pathname}?${new URLSearchParams(typed)}`);
   const asked = rows ? { path: `?${new URLSearchParams(typed)}`, sent: { body: rows.value, headers: { "Content-Type": "text/csv" } } } : { path: "", sent: { json: [...earlier, typed] } };
-  const answer = await (await send("POST", `${path}${asked.path}`, asked.sent)).json();
+  const answer = await (await send("POST", `${path}${asked.path}`, asked.sent).catch(plainly)).json();
   cases = rows ? [] : [...earlier, typed];
   again.hidden = Boolean(rows);
   byId("answer-section").hidden = false;
