@@ -339,3 +339,5 @@ def test_a_key_that_may_only_read_is_offered_nothing_else(context, night):
         page.locator("main").get_by_role("button").filter(has_text=re.compile("Publish|Revoke|Fit"))
     ).to_have_count(0)
     expect(page.locator("#points").get_by_role("checkbox")).to_have_count(0)
+    page.goto(f"/campaigns/{night.measured_id}")
+    expect(page.locator("#frames")).to_contain_text("opens a frame, ? shows all keys")

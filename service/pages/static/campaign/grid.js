@@ -205,7 +205,7 @@ export function gridSection(state) {
   const table = h("table", { role: "grid", "aria-label": "Frames", "aria-multiselectable": "true" }, h("colgroup"), head, body);
   const scroller = h("div", { class: "grid" }, table);
   const bare = h("div");
-  const caption = h("p", { class: "caption" }, "Drag a picture to another row to move it. Arrow keys walk the grid, ", h("kbd", {}, "Enter"), " opens a frame, ", h("kbd", {}, "M"), " moves, ", h("kbd", {}, "X"), " leaves out, ", h("kbd", {}, "Z"), " undoes, ", h("kbd", {}, "?"), " shows all keys.");
+  const caption = h("p", { class: "caption" }, may("calibrate") ? "Drag a picture to another row to move it. " : null, "Arrow keys walk the grid, ", h("kbd", {}, "Enter"), " opens a frame, ", may("calibrate") ? [h("kbd", {}, "M"), " moves, ", h("kbd", {}, "X"), " leaves out, ", h("kbd", {}, "Z"), " undoes, "] : null, h("kbd", {}, "?"), " shows all keys.");
 
   const { reads, isCompact, heightOf, drawHead, rowOf } = gridRows({ method, book, chosen, table, shown: () => ({ model, drawn }), choose: (ids) => choose(ids) });
   const typed = typing({ body, book, lines: () => model.lines, bring: (line) => bring(line), leave: (line) => focusOn(line?.cells.find((cell) => cell?.frame)?.frame.id) });

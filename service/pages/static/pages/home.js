@@ -165,13 +165,14 @@ async function latestCampaigns() {
 function workCauses({ campaign, versions, measured }) {
   const href = `/campaigns/${campaign.id}`;
   const named = titleOf(campaign);
+  const mend = (scope, text, part) => [smallLink(may(scope) ? text : "Show campaign", `${href}${part}`)];
   const [draft] = versions.filter((each) => each.state === "draft");
   if (draft) return [{ mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
   if (versions.length || measured) return [];
   const night = isNight(campaign);
-  if (!campaign.frames.received) return [{ mark: "wait", title: night ? "A measuring night without frames" : "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
-  if (!campaign.missing.length && !campaign.frames.being_read) return [{ mark: "wait", title: night ? "Frames of a night wait to be measured" : "A campaign is ready to fit", where: named, actions: [night ? smallLink("Measure", `${href}#measure`) : smallLink("Fit", `${href}#calibrate`)] }];
-  return causesOf(campaign, "error").map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }));
+  if (!campaign.frames.received) return [{ mark: "wait", title: night ? "A measuring night without frames" : "A campaign without frames", where: named, actions: mend("upload", "Add frames", "#frames") }];
+  if (!campaign.missing.length && !campaign.frames.being_read) return [{ mark: "wait", title: night ? "Frames of a night wait to be measured" : "A campaign is ready to fit", where: named, actions: night ? mend("upload", "Measure", "#measure") : mend("calibrate", "Fit", "#calibrate") }];
+  return causesOf(campaign, "error").map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: mend(cause.part === "frames" ? "upload" : "calibrate", cause.button, `#${cause.part}`) }));
 }
 
 function meterCauses(meter) {
