@@ -230,6 +230,10 @@ def measure_the_same_again(page):
     for label, stated in typed.items():
         expect(page.get_by_label(label, exact=True)).to_have_value(stated)
     expect(page.get_by_label("Kind of lamp")).to_have_value("led_ripple")
+    # another frame of the night shows the same road
+    page.get_by_label("Frame", exact=True).select_option(label="road-june.DNG")
+    settle(page)
+    expect(page.get_by_role("textbox", name="Corners")).to_have_value("40,24 250,24 276,168 12,168")
 
 
 # the far end of the road is twice as far as the near one, and half as wide

@@ -56,9 +56,7 @@ const registerPanel = (serial) => ask({
   action: ({ bands, ...said }) => post("/v1/panels", { ...said, bands: readBands(bands) }),
 });
 
-const nameOfPanel = ({ serial, bands, measured_on: day }) => `${serial}, ${bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${day} (${bands.map((each) => each.band).join(", ")})`;
-
-export const panelField = (panels, chosen, offered) => field("Panel", registry(panels, { nameOf: nameOfPanel, register: () => registerPanel(offered), none: "As named in the files, or the only one", name: "panel_id" }, chosen), null, about("NewCampaign", "panel_id"));
+export const panelField = (panels, chosen, offered) => field("Panel", registry(panels, { nameOf: ({ serial, bands, measured_on: day }) => `${serial}, ${bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${day} (${bands.map((each) => each.band).join(", ")})`, register: () => registerPanel(offered), none: "As named in the files, or the only one", name: "panel_id" }, chosen), null, about("NewCampaign", "panel_id"));
 
 /** A campaign that began without its panel, as one from a card does, is told it in a dialog. */
 export async function choosePanel(state) {

@@ -182,9 +182,7 @@ function placesOf(items) {
 }
 
 const refusedFiles = (queue, failed) =>
-  [...groupBy(failed, (item) => item.error)].map(([error, some]) => ({ mark: "bad", title: `${counted(some.length, "file")} not sent`, where: `${error} (${namesOf(some)})`, actions: [small("Remove", () => queue.drop(some), { quiet: true })] }));
-
-const namesOf = (items) => `${items.slice(0, MOST_NAMED).map((item) => item.name.split("/").at(-1)).join(", ")}${items.length > MOST_NAMED ? ` and ${items.length - MOST_NAMED} more` : ""}`;
+  [...groupBy(failed, (item) => item.error)].map(([error, some]) => ({ mark: "bad", title: `${counted(some.length, "file")} not sent`, where: `${error} (${some.slice(0, MOST_NAMED).map((item) => item.name.split("/").at(-1)).join(", ")}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: [small("Remove", () => queue.drop(some), { quiet: true })] }));
 
 async function saveReceipt(state, items, given) {
   const files = items.map(({ name, size, sha256 }) => ({ name, size_bytes: size, sha256 }));

@@ -100,12 +100,14 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
 
   return {
     element,
-    /** Show a frame with the region that holds for it; one of the frame's own is offered first. */
+    /** Show a frame with the region that holds for it; one of the frame's own is offered first, else what is drawn stays. */
     show(frame, polygon, url = `/v1/frames/${frame.id}/preview.png`) {
+      const drawn = kind !== "set" && String(editor.size) === String([frame.width_px, frame.height_px]) ? editor.points : [];
       before = polygon ?? [];
       frameId = frame.id;
       canvas.show({ url, width: frame.width_px, height: frame.height_px });
       begin(frame.roi_id && offered.includes("set") ? "set" : kind);
+      if (kind !== "set" && drawn.length >= 3) editor.take([{ points: drawn }]);
     },
     /** Offer the kinds of a method. */
     offer(names) {
