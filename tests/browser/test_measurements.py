@@ -186,6 +186,7 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     # nothing is drawn yet: the campaign's region lies where the calibration was made
     expect(night_page.get_by_role("radio", name="New region")).to_be_checked()
     expect(night_page.get_by_role("textbox", name="Corners")).to_have_value("")
+    expect(night_page.get_by_text("Drag a rectangle on the preview, or click")).to_be_visible()
     night_page.get_by_label("Average with").select_option(label="road-june.DNG")
     night_page.get_by_role("radio", name="Surface with cells").check()
     night_page.get_by_role("button", name="Rectangle", exact=True).click()

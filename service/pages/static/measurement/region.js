@@ -90,7 +90,7 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
     for (const [name, each] of sizes) each.hidden = kind !== name;
     canvas.element.inert = kind === "set";
     editor.load(kind === "set" && before.length ? [{ name: "", points: before, closed: true }] : []);
-    fill(note, kind === "set" && !before.length ? "The campaign has no region. Frames without their own are not measured." : "");
+    fill(note, kind !== "set" ? (place ? "" : "Drag a rectangle on the preview, or click on each corner.") : before.length ? "" : "The campaign has no region. Frames without their own are not measured.");
   }
 
   function take(text) {
