@@ -77,7 +77,8 @@ def check_protocol(headers: UploadHeaders) -> None:
 
 def read_count(text: str | None, name: str) -> int:
     if text is None or re.fullmatch(_COUNT, text) is None:
-        raise problems.wrong(f"header.{name}", "must be a count of bytes")
+        message = "is missing" if text is None else "must be a count of bytes, of at most 18 digits"
+        raise problems.wrong(f"header.{name}", message)
     return int(text)
 
 
