@@ -116,11 +116,9 @@ def read_points(data: bytes, told: PointsTable) -> tuple[list[NewPoint], list[st
     def name_fields(columns: list[str]) -> list[str]:
         plain = [re.sub(r"[^a-z0-9]+", "_", name).strip("_") for name in columns]
         fields = [_ALSO.get(name, name) for name in plain]
-        for name in _NEEDED:
-            if name not in fields and name not in usual:
-                raise tables.refuse_columns(f"lacks a column {name}", columns)
-        if "scene" not in fields and "dark" not in fields:
-            raise tables.refuse_columns("lacks a column scene", columns)
+        needed = _NEEDED if "dark" in fields else (*_NEEDED, "scene")
+        if lacking := [name for name in needed if name not in fields and name not in usual]:
+            raise tables.refuse_columns(f"lacks {', '.join(lacking)}", columns)
         read = [name for name in fields if name in _FIELDS]
         if len(set(read)) < len(read):
             raise tables.refuse_columns("names a column twice", columns)

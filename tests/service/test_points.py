@@ -113,7 +113,7 @@ ROW = "1,a.tif,100,500,400,600,9,level-1,,0.01,4,3200"
 def test_a_wrong_table_is_named_by_line_and_column_and_stores_nothing(house):
     campaign = house.campaign()
     for text, named in (
-        ("Label,Mean\na,5", "lacks a column exposure_time_s"),
+        ("Label,Mean\na,5", "lacks exposure_time_s, f_number, iso, min_dn, max_dn, pixels, scene; it names"),
         (f"{HEAD}\n{ROW.replace(',500,', ',nan,')}", "line 2.mean_dn"),
         (f"{HEAD}\n{ROW.replace(',500,', ',700,')}", "line 2: mean_dn 700 lies outside"),
         (f"{HEAD}\n{ROW.replace(',500,', ',500,5,')}", "line 2: has more cells"),

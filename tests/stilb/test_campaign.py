@@ -114,7 +114,7 @@ def test_results_of_imagej_are_frames(signed_in, team, tmp_path):
     ended = signed_in(*asked, "--iso", "3200")
     assert [each["filename"] for each in ended.json["items"]] == ["a.tif"]
     assert ended.json["ignored_columns"] == ["mode"]
-    assert "lacks a column iso" in signed_in(*asked).err
+    assert "lacks iso" in signed_in(*asked).err
 
 
 def test_a_fit_that_lacks_something_says_what(signed_in, handful):
