@@ -84,7 +84,8 @@ class Kind(Record):
     numbers: frozenset[str]
     most: int
     rows_are: str
-    usual: Mapping[str, float] = field(default_factory=dict)
+    usual: Mapping[str, Any] = field(default_factory=dict)
+    lists: Mapping[str, Sequence[str]] = field(default_factory=dict)  # fields, with the columns each gathers
     known: Sequence[str] = ()  # columns under the names of the fields
     needed: Collection[str] = ()
 
@@ -180,10 +181,16 @@ def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kin
         cells.pop(UNREAD, None)
         for name in kind.numbers & cells.keys():
             cells[name] = _read_number(cells[name], separator)
+        filled = {name: [each for each in columns if each in cells] for name, columns in kind.lists.items()}
+        lists = {name: [cells.pop(each) for each in columns] for name, columns in filled.items() if columns}
         try:
-            forms.append(form.model_validate({**kind.usual, **cells}))
+            forms.append(form.model_validate({**kind.usual, **cells, **lists}))
         except ValidationError as error:
-            errors += located(error, line)
+            for found in located(error, line):
+                name, *index = found["loc"][1:] or [""]
+                if name in kind.lists:
+                    found["loc"] = (line, (filled[name] or kind.lists[name])[sum(index)])
+                errors.append(found)
     if not 0 < rows <= kind.most:
         message = f"must hold 1 to {kind.most} {kind.rows_are} below its first line"
         errors = [{"type": "csv", "loc": ("csv",), "msg": message}]

@@ -34,6 +34,8 @@ _KIND: Final = tables.Kind(
     numbers=frozenset({"x_m", "y_m", "u_rel", *_VALUES}),
     most=schemas.MOST_POINTS,
     rows_are="points",
+    usual={"quantity": "illuminance", "unit": "lx"},
+    lists={"values": _VALUES},
     known=[*_VALUES, *(name for name in schemas.RoadPoint.model_fields if name != "values")],
     needed=("name", "x_m", "y_m", "value"),
 )

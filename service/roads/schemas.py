@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from radiometry.road import grid, placing, results, rules, site
 from service.http import models
@@ -12,7 +12,6 @@ from store.tables import Road, RoadResult
 
 MOST_POINTS = 500
 MOST_FRAMES = 100
-_USUAL = {"quantity": "illuminance", "unit": "lx"}
 _UNITS = {"illuminance": ("lx", "fc"), "luminance": ("cd/m2", "fL")}
 
 
@@ -60,16 +59,6 @@ class RoadPoint(models.model_of(site.ControlPoint, Form), Answer):  # type: igno
     )
     taken_at: Instant | None = None
     left_out: LongText | None = maybe("Reason why a person left it out.")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _gather_values(cls, sent: Any) -> Any:  # noqa: ANN401  whatever was sent
-        """Take the columns value, value_2 and so on of a table as the readings, in lx unless it says more."""
-        if not isinstance(sent, dict) or "value" not in sent:
-            return sent
-        named = {name for name in sent if name.startswith("value")}
-        others = {name: each for name, each in sent.items() if name not in named}
-        return _USUAL | others | {"values": [sent[name] for name in sorted(named)]}
 
     def check(self) -> None:
         if self.unit not in _UNITS[self.quantity]:
