@@ -308,7 +308,7 @@ def answer_series(
         if query.camera_id is not None:
             lookup.owned(session, Camera, query.camera_id, caller)
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
-        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + ("-gzip" if packs else "")
+        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32]
         headers = answers.standing(request, tag, Vary="Accept, Accept-Encoding, Authorization")
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None

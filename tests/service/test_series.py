@@ -97,8 +97,8 @@ def test_series_is_sent_again_only_after_what_changes_it(house, measured):
         assert (packed.headers["Content-Encoding"], packed.json()) == ("gzip", plain.json())
         refused = house.http.get(address, headers={"Accept-Encoding": "gzip;q=0, br"})
         assert "Content-Encoding" not in refused.headers
-        assert refused.headers["ETag"] == plain.headers["ETag"] != packed.headers["ETag"]
-        tag = {"If-None-Match": plain.headers["ETag"], "Accept-Encoding": "identity"}
+        assert refused.headers["ETag"] == plain.headers["ETag"] == packed.headers["ETag"].replace(".gz", "")
+        tag = {"If-None-Match": packed.headers["ETag"], "Accept-Encoding": "identity"}
         assert house.http.get(address, headers=tag).status_code == 304
         assert house.http.get(address, params={"limit": 1}, headers=tag).status_code == 200
         tags[address] = tag
