@@ -353,6 +353,31 @@ def test_all_frames_of_a_night_are_measured_once_a_region_is_drawn(night_page, n
         newest = http.get("/v1/measurements", params={"limit": 2}).json()["items"]
     assert {each["frame_id"] for each in newest} == {each.id for each in night.field}
     assert {tuple(map(tuple, each["region"])) for each in newest} == {((40, 24), (120, 24), (120, 90))}
+    tell_of_refused_frames(night_page, night)
+
+
+def tell_of_refused_frames(page, night):
+    """They are not counted among those that wait, and each cause has its own line."""
+
+    def refuse_one(route):
+        grid = route.fetch().json()
+        grid["frames"]["state"][0] = "refused"
+        route.fulfill(json=grid)
+
+    causes = {"a.DNG": "too small", "b.DNG": "another camera", "c.DNG": "too small"}
+    left = [
+        {"filename": name, "code": "frame_refused", "detail": f"Frame {name}: {cause}."}
+        for name, cause in causes.items()
+    ]
+    page.route("**/grid?*", refuse_one)
+    page.route("**/campaigns/*/measurements", lambda at: at.fulfill(json={"jobs": [], "not_measured": left}))
+    page.goto(f"/campaigns/{night.measured_id}")
+    expect(page.get_by_text("of 1 frame measured.")).to_be_visible()
+    page.goto(f"/measurements/new?campaign={night.measured_id}&all")
+    page.get_by_role("radio", name="Existing region").check()
+    page.get_by_role("button", name="Measure").click()
+    expect(page.get_by_text("1 frame not measured")).to_be_visible()
+    expect(page.get_by_text("2 frames not measured")).to_be_visible()
 
 
 def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):

@@ -11,6 +11,7 @@ import { inTimePart } from "../timeline.js";
 import { readinessOf } from "../causes.js";
 import { parametersFold, statedPart, withManual } from "./parameters.js";
 import { regionSection } from "./region.js";
+import { isRead } from "./state.js";
 import { targetSection } from "./target.js";
 
 function checklistSection(state) {
@@ -169,20 +170,18 @@ function list(found) {
   return table(columns, found, { caption: "Versions fitted from this campaign" });
 }
 
-const SHOWN = 100;
-
 function nightSection(state) {
   const results = h("div");
   const head = h("div");
-  const show = () => load(results, () => get(`/v1/measurements?campaign_id=${state.id}&limit=${SHOWN}`), ({ items, next }) => (items.length ? [measurementTable(items), next ? h("p", {}, h("a", { href: `/measurements?campaign_id=${state.id}` }, "All measurements of this night")) : null] : empty("No measurements yet", "Frames are measured with the published calibration of their camera.")));
+  const show = () => load(results, () => get(`/v1/measurements?campaign_id=${state.id}&limit=100`), ({ items, next }) => (items.length ? [measurementTable(items), next ? h("p", {}, h("a", { href: `/measurements?campaign_id=${state.id}` }, "All measurements of this night")) : null] : empty("No measurements yet", "Frames are measured with the published calibration of their camera.")));
   const draw = () => {
     const file = (name, text) => h("a", { class: "button quiet", href: name, download: "" }, text);
     const of = `${state.path}/measurements`;
     fill(head,
-      h("p", { class: "muted" }, `${state.campaign.measured} of ${counted(state.frames.length, "frame")} measured.`),
+      h("p", { class: "muted" }, `${state.campaign.measured} of ${counted(state.frames.filter(isRead).length, "frame")} measured.`),
       h("p", { class: "actions" },
-        may("upload") && state.frames.length ? h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}&all` }, "Measure all frames") : null,
-        may("upload") && state.frames.length ? h("a", { class: "button", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame") : null,
+        may("upload") && state.frames.some(isRead) ? h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}&all` }, "Measure all frames") : null,
+        may("upload") && state.frames.some(isRead) ? h("a", { class: "button", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame") : null,
         state.campaign.measured ? [file(`/v1/series/measurements?campaign_id=${state.id}&format=csv`, "CSV"), file(`${of}.geojson`, "GeoJSON"), file(`/v1/series/measurements?campaign_id=${state.id}&format=json`, "JSON")] : null,
       ),
     );

@@ -147,7 +147,7 @@ async function measureAll(body, progress) {
     else left.push({ filename: begun.filename, code: job.error.code, detail: job.error.detail });
   }
   if (!left.length) return leave(`${path}#measure`);
-  const causes = [...groupBy(left, (each) => each.code).values()].map((some) => ({
+  const causes = [...groupBy(left, (each) => each.detail.replaceAll(each.filename, "")).values()].map((some) => ({
     mark: "warn",
     title: `${counted(some.length, "frame")} not measured`,
     where: `${some[0].detail} ${some.length > 1 ? `The same: ${some.slice(1, MOST_NAMED + 1).map((each) => each.filename).join(", ")}${some.length > MOST_NAMED + 1 ? ` and ${some.length - MOST_NAMED - 1} more` : ""}.` : ""}`,
