@@ -170,8 +170,7 @@ def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kin
     forms: list[F] = []
     errors: list[dict[str, Any]] = []
     rows = 0
-    for row in islice(reader, kind.most + 1):
-        rows += 1
+    for rows, row in enumerate(islice(reader, kind.most + 1), start=1):  # noqa: B007  it counts them
         line = f"line {reader.line_num}"
         if None in row:
             message = "has more cells than line 1 names; a decimal comma needs semicolons between the cells"

@@ -100,9 +100,11 @@ def change_road(
 
 
 @router.get("/{road_id}/site.geojson", **answers.sends_file(GeoJson.media_type))
-def get_road_site(road: lookup.Own[Road]) -> Response:
+def get_road_site(road: lookup.Own[Road], request: Request) -> Response:
     """The site as GeoJSON: in degrees of WGS 84 if it has an origin, else in metres of the road."""
-    return GeoJson(drop_absent(geojson.write_site(decode(site.Site, road.site))))
+    answer = GeoJson(drop_absent(geojson.write_site(decode(site.Site, road.site))))
+    answer.headers.update(answers.standing(request, hashlib.sha256(answer.body).hexdigest()))
+    return answer
 
 
 def _read_site(body: schemas.SiteFeatures) -> schemas.RoadChange:
@@ -143,8 +145,7 @@ def put_road_points(
 
     A table has `value`, and `value_2` to `value_9` for repeats, in lx without `quantity` and `unit`.
     """
-    names = [point.name for point in body]
-    if len(set(names)) < len(names):
+    if len({point.name for point in body}) < len(body):
         raise wrong("body", "names a point twice; repeated readings are further values of one point")
     lookup.require_meters(session, [(point.meter_id, point.quantity) for point in body], caller)
     road.points = [point.model_dump(mode="json", exclude_none=True) for point in body]
@@ -201,16 +202,18 @@ def get_road_result(row: UsesResult, request: Request, context: UsesContext) -> 
 
 
 @router.get("/{road_id}/results/{number}/points.csv", **answers.sends_file("text/csv"))
-def get_road_points_csv(row: UsesResult) -> Response:
+def get_road_points_csv(row: UsesResult, request: Request) -> Response:
     """The points of the grid, a line each: place, illuminance and its relative standard uncertainty."""
-    return Response(tables.write_csv(row.result["points"]), media_type="text/csv; charset=utf-8")
+    headers = answers.immutable(request, f"{row.content_sha256}-csv")
+    return Response(tables.write_csv(row.result["points"]), 200, headers, "text/csv; charset=utf-8")
 
 
 @router.get("/{road_id}/results/{number}/points.geojson", **answers.sends_file(GeoJson.media_type))
-def get_road_points_geojson(row: UsesResult) -> Response:
+def get_road_points_geojson(row: UsesResult, request: Request) -> Response:
     """Grid points and control points as GeoJSON: in degrees if the site has an origin, else in metres."""
     stated, points = decode(site.Site, row.inputs["road"]["site"]), row.result["points"]
-    return GeoJson(drop_absent(geojson.write_points(stated, [*points, *row.result["control"]])))
+    headers = answers.immutable(request, f"{row.content_sha256}-geojson")
+    return GeoJson(drop_absent(geojson.write_points(stated, [*points, *row.result["control"]])), 200, headers)
 
 
 @router.get("/{road_id}/results/{number}/map.png", **answers.sends_stored_file("image/png"))
@@ -232,8 +235,7 @@ def plan_road(
 def answer_plan(context: Context, road: Road, wanted: schemas.WantedPlan) -> models.Answer:
     with context.database.reading() as session:
         stated = _state_road(session, road)
-    plan = plan_points(stated, **wanted.model_dump())
-    answer: models.Answer = schemas.RoadPlanAnswer.restate(plan)
+    answer: models.Answer = schemas.RoadPlanAnswer.restate(plan_points(stated, **wanted.model_dump()))
     return answer
 
 

@@ -86,8 +86,7 @@ class RoadChange(Form):
     )
 
     def check(self) -> None:
-        named = [each.frame_id for each in self.frames or ()]
-        if len(set(named)) < len(named):
+        if len({each.frame_id for each in self.frames or ()}) < len(self.frames or ()):
             raise ValueError("frames: each is stated once")
 
 

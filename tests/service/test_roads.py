@@ -112,8 +112,7 @@ def test_what_cannot_be_used_is_refused_by_name(house, road):
     assert "0.unit: is missing" in refuse(path, [bare], "PUT")["detail"]
     refuse(path, [points[0] | {"unit": "cd/m2"}], "PUT")
     assert "meter" in refuse(path, [points[0] | {"quantity": "luminance", "unit": "cd/m2"}], "PUT")["detail"]
-    without = house.post("/v1/roads", stated)
-    assert "frames" in refuse(f"/v1/roads/{without['id']}/evaluate", None)["detail"]
+    assert "frames" in refuse(f"/v1/roads/{house.post('/v1/roads', stated)['id']}/evaluate", None)["detail"]
 
 
 ROW, LANE = SITE["rows"][0], SITE["strips"][0]
@@ -286,15 +285,16 @@ def test_points_map_and_papers_of_an_evaluation(house, evaluated):
     rows = list(csv.DictReader(io.StringIO(house.http.get(links["points.csv"]).text)))
     assert [row["name"] for row in rows] == [each["name"] for each in evaluated["points"]]
     assert float(rows[0]["illuminance_lx"]) == evaluated["points"][0]["illuminance_lx"]
+    for name in ("results/1/points.csv", "results/1/points.geojson", "site.geojson"):
+        link = f"/v1/roads/{evaluated['road_id']}/{name}"
+        kept = {"If-None-Match": house.http.get(link).headers["ETag"]}
+        assert house.http.get(link, headers=kept).status_code == 304
     assert house.http.get(links["map.png"]).content.startswith(b"\x89PNG")
-    pdf = house.http.get(links["report.pdf"]).content
-    report = read_pages(pdf)
-    assert len(report) == 2
-    for words in ("Conforms to class C4", "EN 13201-2:2015", "T-10A 40027731", "E-2026-0118"):
-        assert words in report[0], words
-    assert "by marked points" in report[0]
+    first, second = read_pages(house.http.get(links["report.pdf"]).content)
+    for words in ("Conforms to class C4", "EN 13201-2:2015", "T-10A 40027731", "E-2026-0118", "marked"):
+        assert words in first, words
     for words in ("Average Eav", "P8", "Measured by"):
-        assert words in report[1], words
+        assert words in second, words
 
 
 def test_what_would_decide_a_verdict_is_answered_and_printed(house, evaluated):
