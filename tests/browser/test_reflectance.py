@@ -75,6 +75,9 @@ def test_a_card_of_a_multispectral_camera_becomes_what_is_in_force_for_its_day(p
     in_force = re.compile(r"version 1 is in force. Reflectance K, band red.* = [\d.]+ ± [\d.]+")
     expect(page.locator("#answer")).to_contain_text(in_force)
     look(page, "reflectance-coefficients")
+    page.goto("/")
+    settle(page)
+    expect(page.get_by_text("A camera is not calibrated")).to_have_count(0)
 
 
 def test_the_panel_that_the_frames_show_is_named_by_one_click(page, team):

@@ -9,7 +9,7 @@ import { cardView } from "../card/view.js";
 import { causeFold, causesOf, jobCause, small, smallLink } from "../causes.js";
 import { act, byId, empty, failed, fill, h, load, mark, may, released, table, toast } from "../dom.js";
 import { ago, groupBy, number, span, stateWords } from "../format.js";
-import { METHODS, headlines, inForce, isNight, kindOf, labelOf, titleOf } from "../methods.js";
+import { METHODS, headlines, inForce, isNight, kindOf, labelOf, methodOf, titleOf } from "../methods.js";
 
 /** `zone` takes the card, `place` shows it, and `rest` of the page gives way to it. */
 function startCard(zone, place, rest) {
@@ -107,7 +107,7 @@ const series = get("/v1/series/coefficients");
 const latest = latestCampaigns();
 
 load(byId("needs"), () => Promise.all([get("/v1/jobs/causes"), latest, cameras, series, all("/v1/meters"), campaigns]), ([{ items: failures }, works, bodies, { rows }, meters, every]) => {
-  const causes = [...failures.map((cause) => jobCause(cause, every)), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
+  const causes = [...failures.map((cause) => jobCause(cause, every)), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows.filter((row) => row.camera_id === camera.id)))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
   if (!causes.length) return every.length || bodies.length || !byId("card-drop") ? empty("Nothing needs you") : firstSteps();
   // one line a cause: its button leads to the first of several, then to the next
   return causeFold([...groupBy(causes, ({ title }) => title).values()].map((some) => ({ ...some[0], where: some.map(({ where }) => where).join("; ") })));
@@ -184,11 +184,12 @@ function meterCauses(meter) {
   return [{ mark: left < 0 ? "bad" : "wait", title: left < 0 ? `Meter certificate expired ${span(-left)} ago` : `Meter certificate expires in ${span(left)}`, where: `${name}, certificate ${meter.certificate.number}, on ${meter.certificate.due_on}`, actions }];
 }
 
+/** Of a camera and its coefficients; what a panel calibrates, it calibrates for one flight. */
 function cameraCauses(camera, rows) {
-  const held = inForce(rows.filter((row) => row.camera_id === camera.id));
+  const held = inForce(rows);
   const cause = { mark: "wait", actions: [smallLink("Show camera", `/cameras/${camera.id}`)] };
   const name = `${camera.make} ${camera.model} ${camera.serial}`;
-  if (!held.length) return [{ ...cause, title: "A camera is not calibrated", where: `${name}: no version is in force` }];
+  if (!held.length) return rows.some(({ method }) => methodOf(method).reference === "panel") ? [] : [{ ...cause, title: "A camera is not calibrated", where: `${name}: no version is in force` }];
   return held
     .filter((each) => (Date.now() - new Date(each.valid_from)) / 1000 > OLD_S || each.flags.length)
     .map((each) => ({ ...cause, title: `${labelOf(each.method)} version ${each.version} ${each.flags.length ? "has flags" : `is ${span((Date.now() - new Date(each.valid_from)) / 1000)} old`}`, where: `${name}${each.flags.length ? `: ${each.flags.map(stateWords).join(", ")}` : ""}` }));
