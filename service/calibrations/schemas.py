@@ -126,18 +126,21 @@ class CalibrationAnswer(
         """``whole``: with points, diagnostics and inputs, which a list leaves out."""
         parameters, spec = drop_absent(row.parameters), get_method(row.method)
         detail: dict[str, Any] = {"inputs": None}
+        scope = next((s for each in coefficients if (s := spec.find_scope(each.name, each.flags))), None)
         if whole:
             result = drop_absent(row.result)
-            shown = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
-            detail = {"key_figures": shown, "findings": models.group_flags(result.get("flags", []))}
+            figures = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
+            if scope == "relative_only":
+                untold = {"expanded_uncertainty": None, "coverage_factor": None}
+                figures = [each.model_copy(update=untold) for each in figures]
+            detail = {"key_figures": figures, "findings": models.group_flags(result.get("flags", []))}
             detail |= {"points": result.pop("points", []), "diagnostics": result}
-        scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
         return cls.restate(
             row,
             status,
             parameters=parameters,
             coefficients=coefficients,
-            uncertainty_scope=scopes[0] if scopes else None,
+            uncertainty_scope=scope,
             **detail,
         )
 

@@ -309,6 +309,7 @@ def test_a_meter_has_a_certificate_that_holds(house, version, changes, taken_at,
     # without a certificate no U of K is stated; the dark signal depends on no meter
     assert ("expanded_uncertainty" in stated["luminance_k"]) is (scope == "traceable")
     assert "expanded_uncertainty" in stated["dark_signal_dn"]
+    assert ("expanded_uncertainty" in version["key_figures"][0]) is (scope == "traceable")
     page = lay_out(certificate, "")
     assert ("relative only" in page["results"]["rows"][0]) is (scope == "relative_only")
     blocks = [block for section in page["sections"] for block in section["blocks"]]

@@ -65,7 +65,7 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
   if (!rows.length) return null;
   return h("dl", { class: "key-figures" }, rows.map((row) => {
-    const stated = row.expanded_uncertainty !== undefined && scope !== "relative_only";
+    const stated = row.expanded_uncertainty !== undefined;
     const u = row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`;
     return h("div", {},
       h("dt", {}, h("span", {}, words(row.group)), h("span", { class: "muted" }, ` ${row.label}`), row.passed === undefined ? null : mark(row.passed ? "good" : "bad", row.passed ? "Passes" : "Fails")),
