@@ -231,12 +231,12 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
     element.setAttribute("aria-rowindex", index + 1 + head.children.length);
     row.line = line;
     const headMark = JSON.stringify([line.row.label, line.first && reads ? lookOfHead(book, line.row.value) : 0]);
-    if (row.head !== headMark && !(element.firstChild.contains(document.activeElement) && document.activeElement.matches("input") && document.activeElement.value !== document.activeElement.defaultValue)) {
+    const typing = element.firstChild.contains(document.activeElement) && document.activeElement.matches("input") ? document.activeElement : null;
+    if (row.head !== headMark && typing?.value === typing?.defaultValue) {
       row.head = headMark;
-      const typing = element.firstChild.contains(document.activeElement) && document.activeElement.matches("[data-reading]");
       fill(element.firstChild, line.first ? headOf(line.row) : h("span", { class: "hidden" }, line.row.label));
       // selected: what is typed next takes the place of the new value
-      if (typing) element.firstChild.querySelector("[data-reading]")?.select();
+      if (typing?.matches("[data-reading]")) element.firstChild.querySelector("[data-reading]")?.select();
     }
     while (element.children.length > line.cells.length + 1) element.lastChild.remove();
     while (element.children.length < line.cells.length + 1) element.append(h("td", { role: "gridcell" }));
