@@ -59,6 +59,13 @@ def test_calculators_answer_with_units_and_lead_into_the_manual(night_page):
 
     page.get_by_role("navigation", name="Calculators").get_by_role("link", name="Exposure").click()
     page.get_by_label("White level [DN]", exact=True).fill("16384")
+    table = page.locator("textarea")
+    given = table.input_value()
+    table.fill(given.replace("812", "bright"))
+    page.get_by_role("button", name="Compute").click()
+    expect(page.get_by_role("alert")).to_contain_text("Line 3 ")
+    page.context.complaints.clear()
+    table.fill(given)
     page.get_by_role("button", name="Compute").click()
     expect(rows.filter(has_text="Exponents")).to_contain_text("0.99")
     settle(page)

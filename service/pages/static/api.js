@@ -6,7 +6,7 @@ import { byId, h } from "./dom.js";
 export class Problem extends Error {
   constructor(body) {
     super(body.detail);
-    Object.assign(this, { title: body.title, code: body.code, status: body.status, retryable: Boolean(body.retryable) });
+    Object.assign(this, { title: body.title, code: body.code, status: body.status, errors: body.errors ?? [], retryable: Boolean(body.retryable) });
   }
 }
 

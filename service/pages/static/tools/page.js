@@ -13,7 +13,7 @@ const path = `/v1/tools/${tool}`;
 const EXAMPLE = "exposure_time_s,f_number,iso,signal_dn\n0.001,4,200,410\n0.002,4,200,812\n0.004,4,200,1615\n0.008,4,200,3220";
 const labelled = (sentence) => sentence?.replace(/`?\b([a-z]+(?:_[a-z0-9]+)+)\b`?/g, (all, name) => (name in KNOWN ? headOf(name).filter(Boolean).join(" in ") : all));
 const told = (sentence) => prose(labelled(sentence));
-const plainly = (error) => Promise.reject(error.code === "validation_failed" ? wrong(`${capital(labelled(error.message.replace(/^body\.\d+: /, "")))}.`) : error);
+const plainly = (error) => Promise.reject(error.errors?.length ? wrong(error.errors.map(({ field: place, message }) => `${capital(labelled([place.replace(/^(body|query)(\.\d+)?\.?/, ""), message].filter(Boolean).join(" ")))}.`).join(" ")) : error);
 
 const inputs = Object.entries(schema.properties).map(([name, stated]) => {
   const type = stated.anyOf?.[0] ?? stated;
